@@ -320,7 +320,7 @@ class Participant(models.Model):
     completion_code = models.CharField(_("completion code"), max_length=20, blank=True)
     withdrawn_at = models.DateField(_("withdrawn on"), null=True, blank=True)
     withdrawn_step = models.CharField(_("withdrawn at step"), max_length=40, blank=True)
-    # how far they had come then: experiments/extraction/stages.py
+    # how far they had come then: experiments/extraction/people.py
     withdrawn_stage = models.CharField(_("reached"), max_length=12, blank=True)
 
     class Meta:

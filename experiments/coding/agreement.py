@@ -1,4 +1,4 @@
-"""How well coders agree. Pure: numbers in, numbers out.
+"""How well coders agree.
 
 By time, the units are bins of one declared width, coders the judges, and each code is a variable
 with two values: an interval counts in the bins whose middle it covers, a point in its own bin. For
@@ -10,19 +10,19 @@ all codes together, the value of a bin is the set of codes in it.
   2011, "Computing Krippendorff's Alpha-Reliability"): 1 - D_o / D_e from the matrix of
   coincidences.
 
-By events, the units are those of two coders that are the same (alignment.py). The events that both
-left out cannot be counted, so the cell (none, none) is a structural zero, and the expected shares
-of kappa are those of quasi-independence (Bakeman, Quera and Gnisci, 2009, "Observer agreement for
+By events, the units are the events of two coders, aligned (alignment.py). Events that both omitted
+cannot be counted, so the cell (none, none) is a structural zero, and the expected shares of kappa
+are those of quasi-independence (Bakeman, Quera and Gnisci, 2009, "Observer agreement for
 timed-event sequential data", Behavior Research Methods 41, 137-147). Without such a cell this is
 Cohen's kappa.
 
-Bins and events of one session depend on each other, so the sessions are what a confidence interval
-resamples: it is that of the jackknife that leaves out one session at a time, with Student's t on
-Fisher's z (Efron and Tibshirani, 1993, An Introduction to the Bootstrap, chapter 11). It describes
-other sessions of the same coders. Of a single session, parts of BLOCK_S seconds are left out.
+Bins and events of one session depend on each other, so confidence intervals resample sessions: they
+are those of the jackknife that leaves out one session at a time, with Student's t on Fisher's z
+(Efron and Tibshirani, 1993, An Introduction to the Bootstrap, chapter 11). They describe other
+sessions of the same coders. Of a single session, parts of BLOCK_S seconds are left out.
 
-Each figure is a closed formula of sums over units, which are subtracted for a session that is left
-out; statsmodels and krippendorff, with which the tests compare, would need all units each time.
+Each figure is a closed formula of sums over units, from which those of the omitted session are
+subtracted; statsmodels and krippendorff, with which the tests compare, need all units each time.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -56,7 +56,9 @@ Sums = tuple[Floats, Floats, Floats]
 
 @dataclass(frozen=True)
 class Matches:
-    """Events of two coders: in both within the tolerance, only in the first, only in the second."""
+    """Numbers of events: of both coders within the tolerance, only of the first, only of the
+    second.
+    """
 
     both: int = 0
     first: int = 0
@@ -106,8 +108,6 @@ class EventReliability:
 
 @dataclass(frozen=True)
 class Reliability:
-    """The reliability of codings of several sessions."""
-
     codes: tuple[CodeReliability, ...]
     events: tuple[EventReliability, ...]
 
@@ -115,29 +115,20 @@ class Reliability:
 def reliability(
     sessions: Sequence[SessionCodings], codes: Sequence[str], *, width: float, tolerance: float
 ) -> Reliability:
-    """Return how reliable codings are, for each code, and for all of them when there are several.
-
-    Args:
-        sessions: as coded.
-        codes: which codes.
-        width: of a bin, s.
-        tolerance: between beginnings, s.
+    """Return the agreement on each of the codes, and on all together when there are several;
+    `width` is that of a bin, `tolerance` that between the beginnings of events, both in s.
 
     Raises:
         ValueError: the width is not positive, or makes too many bins.
     """
-    if not width > 0:
-        raise ValueError("a bin needs a width")
     coders = range(len(sessions[0][1]) if sessions else 0)
     pairs = [pair for pair in combinations(coders, 2) if any(_of_both(sessions, pair))]
     subjects = {code: [code] for code in codes} | ({"": list(codes)} if len(codes) > 1 else {})
-    return Reliability(
-        tuple(
-            _of_code(name, some, sessions, pairs, width, tolerance)
-            for name, some in subjects.items()
-        ),
-        tuple(_of_events(codes, sessions, pair, tolerance) for pair in pairs),
+    of_codes = (
+        _of_code(name, some, sessions, pairs, width, tolerance) for name, some in subjects.items()
     )
+    of_events = (_of_events(codes, sessions, pair, tolerance) for pair in pairs)
+    return Reliability(tuple(of_codes), tuple(of_events))
 
 
 def _of_both(
@@ -199,12 +190,8 @@ def ratio(above: Floats, below: Floats) -> Floats:
 def estimate(
     figure: Callable[..., Floats], *clusters: Floats, least: float = -1.0
 ) -> ReliabilityEstimate:
-    """Return a figure of the sums over all clusters, and its interval by the jackknife.
-
-    Args:
-        figure: of sums.
-        clusters: the sums of each cluster, the first axis.
-        least: value that the figure can have; the greatest is 1.
+    """Return a figure of the sums over all clusters (the first axis), and its interval by the
+    jackknife. The figure has values from `least` to 1.
     """
     whole = [part.sum(axis=0, keepdims=True) for part in clusters]
     value = float(figure(*whole)[0])
@@ -245,7 +232,12 @@ def _of_code(
     for pair in pairs:
         sums = pair_sums(values[list(pair)], cluster, shape)
         share = estimate(agreements, *sums, least=0.0)
-        matches = _matches_in(sessions, pair, codes, tolerance)
+        parts = [
+            [len(some) for some in matched(one, two, code, tolerance)]
+            for _number, one, two in _of_both(sessions, pair)
+            for code in codes
+        ]
+        matches = Matches(*map(sum, zip(*parts, strict=True)))
         found.append(PairReliability(pair, share, estimate(kappas, *sums), matches))
     bins = int(((values >= 0).sum(axis=0) >= 2).sum())
     alpha = estimate(alphas, *coincidence_sums(values, cluster, shape))
@@ -256,15 +248,23 @@ def _values(
     sessions: Sequence[SessionCodings], codes: Sequence[str], width: float
 ) -> tuple[Units, Units]:
     """Return the categories of bins from 0, -1 where a coder did not code: (coders, bins); and the
-    number of each bin's cluster: (bins,).
+    number of each bin's cluster: (bins,). A category is a set of codes.
     """
     coders = len(sessions[0][1]) if sessions else 0
     parts, clusters = [np.zeros((coders, 0), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
     for number, (duration, codings) in enumerate(sessions):
-        rows = np.stack([_row(events, codes, duration, width) for events in codings])
-        bins = np.arange(rows.shape[1])
-        is_single = len(sessions) == 1
+        count = len(coded_bins((), "", duration, width))
+        rows = np.full((coders, count), -1, dtype=np.int64)
+        for row, events in zip(rows, codings, strict=True):
+            if events is not None:
+                # at most 40 codes, so that their bits fit
+                bits = (
+                    coded_bins(events, code, duration, width) << n for n, code in enumerate(codes)
+                )
+                row[:] = sum(bits, start=np.zeros(count, dtype=np.int64))
+        bins = np.arange(count)
         parts.append(rows)
+        is_single = len(sessions) == 1
         clusters.append((bins * width // BLOCK_S).astype(int) if is_single else 0 * bins + number)
     values = np.concatenate(parts, axis=1)
     known = np.unique(values[values >= 0])
@@ -272,26 +272,9 @@ def _values(
     return numbered, np.concatenate(clusters)
 
 
-def _row(
-    events: Sequence[CodedEvent] | None, codes: Sequence[str], duration: float, width: float
-) -> Units:
-    """Return the set of codes in each bin as the number of its bits, -1 without a coding."""
-    if events is None:
-        return np.full(len(coded_bins((), "", duration, width)), -1, dtype=np.int64)
-    # at most 40 codes, so the bits fit
-    rows = (coded_bins(events, code, duration, width) << place for place, code in enumerate(codes))
-    total: Units = np.sum(list(rows), axis=0)
-    return total
-
-
 def coded_bins(events: Iterable[CodedEvent], code: str, duration: float, width: float) -> Units:
-    """Return 1 for each bin in which the code was coded, else 0; (bins,).
-
-    Args:
-        events: of one coder.
-        code: which of them count.
-        duration: of the session, s.
-        width: of a bin, s.
+    """Return 1 for each bin in which a coder's events have the code, else 0; (bins,). The duration
+    of the session and the width of a bin are in s.
 
     Raises:
         ValueError: the width is not positive, or makes too many bins.
@@ -365,14 +348,3 @@ def _of_events(
         tables[cell] += 1.0
     kappa = estimate(event_kappas, tables)
     return EventReliability(pair, tuple(codes), tables.sum(axis=0), kappa)
-
-
-def _matches_in(
-    sessions: Sequence[SessionCodings], pair: Pair, codes: Sequence[str], tolerance: float
-) -> Matches:
-    parts = [
-        matched(one, two, code, tolerance)
-        for _number, one, two in _of_both(sessions, pair)
-        for code in codes
-    ]
-    return Matches(*(sum(len(part[place]) for part in parts) for place in range(3)))

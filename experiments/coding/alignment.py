@@ -1,7 +1,7 @@
-"""Which events of two coders are the same. Pure.
+"""Which events of two coders are the same.
 
-Of one code, events match whose beginnings lie within a tolerance, each once, in order of time. The
-nearest of the rest are what the coders took for different codes; only one coder has the others.
+Events of one code match if their beginnings are within a tolerance, each once, in order of time.
+The nearest of the rest are the same event with different codes; the others have one coder alone.
 """
 
 from bisect import bisect_left, bisect_right
@@ -16,9 +16,8 @@ _begin = attrgetter("begin")
 def matched(
     first: Iterable[CodedEvent], second: Iterable[CodedEvent], code: str, tolerance: float
 ) -> tuple[list[tuple[CodedEvent, CodedEvent]], list[CodedEvent], list[CodedEvent]]:
-    """Return the events of a code that two coders have in common, those that only the first has,
-    and those that only the second has: beginnings at most `tolerance` seconds apart, the earliest
-    pairs first.
+    """Return the pairs of events of a code whose beginnings are at most `tolerance` seconds apart,
+    the earliest first; then the events of the first coder alone, and those of the second alone.
     """
     one, two = (
         sorted((event for event in events if event.code == code), key=_begin)
@@ -41,9 +40,7 @@ def aligned(
     """Return the events of two coders as their beginning and two codes, "" where a coder has none:
     first the matching ones of each code, then the nearest of the others, within the tolerance.
     """
-    found: list[tuple[float, str, str]] = []
-    left: list[CodedEvent] = []
-    right: list[CodedEvent] = []
+    found, left, right = list[tuple[float, str, str]](), list[CodedEvent](), list[CodedEvent]()
     for code in sorted({event.code for event in (*first, *second)}):
         pairs, only_first, only_second = matched(first, second, code, tolerance)
         found += [(one.begin, code, code) for one, _two in pairs]

@@ -5,7 +5,7 @@ boris/project_functions.py: open_project_json) and its test projects (tests/file
 is a behavior of the ethogram, a point a "Point event", an interval a "State event", which BORIS
 stores as two rows, its start and its stop, each with the modifiers' values in their order, divided
 by |, "None" for one that was not chosen (boris/select_modifiers.py). The other codes of a group are
-`excluded`. A session and coder is an observation of the type LIVE: there is no video of it.
+`excluded`. The coding of a session by a coder is an observation of the type LIVE, without a video.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -14,7 +14,7 @@ from typing import Any
 import msgspec
 from django.utils.translation import gettext as _
 
-from experiments.coding.scheme import BadCodingError, CodedEvent, clean
+from experiments.coding.scheme import BadCodingError, CodedEvent, clean, json_in
 from experiments.definition.coding import Code
 
 UNCHOSEN = "None"
@@ -48,18 +48,10 @@ OBSERVATION = {
 
 
 def to_boris(
-    codes: Sequence[Code],
-    observations: Mapping[str, Sequence[CodedEvent]],
-    name: str,
-    date: str,
+    codes: Sequence[Code], observations: Mapping[str, Sequence[CodedEvent]], name: str, date: str
 ) -> bytes:
-    """Return codings as a project.
-
-    Args:
-        codes: those of the scheme.
-        observations: the events of each coding, by the observation's name.
-        name: of the project.
-        date: YYYY-MM-DDTHH:MM:SS.
+    """Return codings as a project of a name; `observations` has the events of each coding by the
+    observation's name, and `date` is YYYY-MM-DDTHH:MM:SS.
     """
     known = {code.code: code for code in codes}
     project = PROJECT | {
@@ -112,22 +104,13 @@ def _rows(events: Sequence[CodedEvent], codes: Mapping[str, Code]) -> list[list[
 def from_boris(
     document: bytes, codes: Sequence[Code], wanted: str = ""
 ) -> tuple[list[CodedEvent], list[str]]:
-    """Return the events of an observation, and a sentence for what is not imported.
-
-    Args:
-        document: the project.
-        codes: those of the scheme.
-        wanted: the observation's name; not needed when there is one alone.
+    """Return the events of the observation named `wanted`, and a sentence for each part that is not
+    imported. The name is not needed where a project has one observation.
 
     Raises:
         BadCodingError: the project cannot be read, or has no such observation.
     """
-    try:
-        project = msgspec.json.decode(document.removeprefix(b"\xef\xbb\xbf"))
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadCodingError(
-            [_("This is not valid JSON: %(problem)s.") % {"problem": error}]
-        ) from error
+    project = json_in(document)
     observations = project.get("observations") if isinstance(project, dict) else None
     if not isinstance(observations, dict) or not observations:
         raise BadCodingError([_("This is not a BORIS project with observations.")])
@@ -146,16 +129,16 @@ def from_boris(
 
 
 def _left_out(observation: dict[str, Any]) -> Iterator[str]:
-    """Yield what an observation has, and a coding has not."""
+    """Yield a sentence for each part of an observation that a coding has no place for."""
     offset = observation.get("time offset")
     if isinstance(offset, int | float) and offset:
         yield _("The observation's time offset of %(n)g s is not applied.") % {"n": offset}
-    if observation.get("description"):
-        yield _("The observation's description is not imported.")
-    if observation.get("file"):
-        yield _("The observation's media files are not imported.")
-    if observation.get("independent_variables"):
-        yield _("The observation's independent variables are not imported.")
+    parts = {
+        "description": _("The observation's description is not imported."),
+        "file": _("The observation's media files are not imported."),
+        "independent_variables": _("The observation's independent variables are not imported."),
+    }
+    yield from (text for name, text in parts.items() if observation.get(name))
 
 
 def _events_of(

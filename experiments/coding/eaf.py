@@ -1,10 +1,10 @@
 """Codings as ELAN annotation files (.eaf), version 3.0 of the format.
 
 The schema is http://www.mpi.nl/tools/elan/EAFv3.0.xsd. A code is a tier, named as the code, with
-the coder as its annotator. ELAN knows no points: a point is an annotation of a millisecond on a
-tier of the type "point", and is read back as its beginning. The annotation's text is the comment. A
-modifier is a tier below that of its code, named `code@modifier`, with its value for each event. No
-video is linked, because the site stores none.
+the coder as its annotator. ELAN has no points: a point is an annotation of a millisecond on a tier
+of the type "point", and is read as its beginning. The annotation's text is the comment. A modifier
+is a tier below that of its code, named `code@modifier`, with its value for each event. No video is
+linked, because the site stores none.
 """
 
 from collections.abc import Iterator, Sequence
@@ -30,13 +30,8 @@ MODIFIER, ASSOCIATION = "modifier", "Symbolic_Association"
 
 
 def to_eaf(codes: Sequence[Code], events: Sequence[CodedEvent], coder: str, date: str) -> bytes:
-    """Return a coding as a file.
-
-    Args:
-        codes: those of the scheme; each has its tier, also an empty one.
-        events: of one coder, in order.
-        coder: the pseudonym that the file names.
-        date: ISO 8601 with a time zone, as the schema demands.
+    """Return a coding as a file with a tier for each code, even without events. The events are in
+    order, `coder` is a pseudonym, `date` is ISO 8601 with a time zone, as the schema requires.
     """
     about = {"AUTHOR": coder, "DATE": date, "FORMAT": "3.0", "VERSION": "3.0"}
     root = ET.Element("ANNOTATION_DOCUMENT", about | SCHEMA)
@@ -48,10 +43,9 @@ def to_eaf(codes: Sequence[Code], events: Sequence[CodedEvent], coder: str, date
         own = [one for one in zip(events, slots, strict=True) if one[0].code == code.code]
         _tiers(root, code, own, coder, numbers)
     last.text = str(next(numbers) - 1)
-    types = {"point": {"TIME_ALIGNABLE": "true"}, "interval": {"TIME_ALIGNABLE": "true"}} | {
-        MODIFIER: {"CONSTRAINTS": ASSOCIATION, "TIME_ALIGNABLE": "false"}
-    }
-    for name, more in types.items():
+    aligned = {"TIME_ALIGNABLE": "true"}
+    associated = {"CONSTRAINTS": ASSOCIATION, "TIME_ALIGNABLE": "false"}
+    for name, more in (("point", aligned), ("interval", aligned), (MODIFIER, associated)):
         named = {"GRAPHIC_REFERENCES": "false", "LINGUISTIC_TYPE_ID": name}
         ET.SubElement(root, "LINGUISTIC_TYPE", named | more)
     text = "1-1 association with a parent annotation"
@@ -62,7 +56,7 @@ def to_eaf(codes: Sequence[Code], events: Sequence[CodedEvent], coder: str, date
 
 
 def _time_order(root: ET.Element, events: Sequence[CodedEvent]) -> list[list[str]]:
-    """Write the time slots in order; return the two of each event."""
+    """Write the time slots in order; return the names of the two of each event."""
     order = ET.SubElement(root, "TIME_ORDER")
     times = []
     for place, event in enumerate(events):
@@ -83,7 +77,7 @@ def _tiers(
     coder: str,
     numbers: Iterator[int],
 ) -> None:
-    """Write the tier of a code and those of its modifiers; `events` come with their time slots."""
+    """Write the tier of a code and those of its modifiers."""
     tier = _tier(root, code.code, coder, {"LINGUISTIC_TYPE_REF": code.kind})
     names = [f"a{next(numbers)}" for _event in events]
     for name, (event, slots) in zip(names, events, strict=True):
@@ -105,15 +99,13 @@ def _tier(root: ET.Element, name: str, coder: str, more: dict[str, str]) -> ET.E
 def _annotation(tier: ET.Element, kind: str, attributes: dict[str, str], text: str) -> None:
     inner = ET.SubElement(ET.SubElement(tier, "ANNOTATION"), kind, attributes)
     # XML 1.0 has no control characters; a checked coding has none either
-    ET.SubElement(inner, "ANNOTATION_VALUE").text = "".join(
-        sign for sign in text if sign.isprintable()
-    )
+    printable = "".join(sign for sign in text if sign.isprintable())
+    ET.SubElement(inner, "ANNOTATION_VALUE").text = printable
 
 
 def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], list[str]]:
-    """Return the events of a file, and a sentence for each tier that is not imported.
-
-    A tier belongs to the code or the name of a code that it is called by.
+    """Return the events of a file, and a sentence for each tier that is not imported. The name of a
+    tier is a code of the scheme, or a code's name.
 
     Raises:
         BadCodingError: the file cannot be read.
@@ -136,7 +128,7 @@ def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], 
 
 
 class _Reading:
-    """The events that were read so far, by their annotations' ids, and what is not imported."""
+    """The events read so far, by their annotations' ids, and sentences on parts not imported."""
 
     def __init__(self, root: ET.Element, codes: Sequence[Code]) -> None:
         self.events: dict[str, CodedEvent] = {}

@@ -16,7 +16,7 @@ from robots.files.limited_process import ImportRefusedError, run_limited
 def import_coding(
     document: bytes, codes: Sequence[Code], *, limit: int, duration: float, observation: str = ""
 ) -> tuple[list[CodedEvent], list[str]]:
-    """Return what `read_coding` does, which a child process does with limits.
+    """Return the result of `read_coding`, called in a child process with limits.
 
     Raises:
         BadCodingError: the file cannot be read, or an event does not fit.
@@ -32,7 +32,7 @@ def import_coding(
 def read_plain(
     document: bytes, codes: list[Any], limit: int, duration: float, observation: str
 ) -> Any:
-    """Return what `read_coding` does, as plain data: the function that the child process calls."""
+    """Return the result of `read_coding` as plain data; the child process calls this."""
     known = msgspec.convert(codes, tuple[Code, ...])
     found = read_coding(document, known, limit=limit, duration=duration, observation=observation)
     return msgspec.to_builtins(found)
@@ -46,7 +46,8 @@ def read_coding(
     duration: float | None = None,
     observation: str = "",
 ) -> tuple[list[CodedEvent], list[str]]:
-    """Return the events of a file in order of time, and a sentence for what is not imported.
+    """Return the events of a file in order of time, and a sentence for each part that is not
+    imported.
 
     Args:
         document: the file.

@@ -1,4 +1,4 @@
-"""The events that coders noted, checked against the scheme (experiments/definition/coding.py)."""
+"""The events of coders, checked against the scheme (experiments/definition/coding.py)."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -24,7 +24,7 @@ class BadCodingError(ValueError):
 
 
 class CodedEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a coder noted; `end` is None for a point. Times in seconds since the grant, the time of
+    """An event of a coding; `end` is None for a point. Times are in seconds since the grant, as in
     the replay; `modifiers` are the chosen values by the modifiers' names.
     """
 
@@ -59,21 +59,25 @@ def scheme_in(file: bytes) -> CodingScheme:
     """
     if len(file) > MAX_SCHEME_BYTES:
         raise BadCodingError([_("The file is too large for a coding scheme.")])
+    return scheme_from(json_in(file))
+
+
+def json_in(file: bytes) -> Any:
+    """Return the content of a JSON file.
+
+    Raises:
+        BadCodingError: it is not JSON.
+    """
     try:
-        return scheme_from(msgspec.json.decode(file.removeprefix(b"\xef\xbb\xbf")))
+        return msgspec.json.decode(file.removeprefix(b"\xef\xbb\xbf"))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadCodingError(
-            [_("This is not valid JSON: %(problem)s.") % {"problem": error}]
-        ) from error
+        text = _("This is not valid JSON: %(problem)s.") % {"problem": error}
+        raise BadCodingError([text]) from error
 
 
 def events_from(document: Any, codes: Sequence[Code], duration: float) -> list[CodedEvent]:
-    """Return the events of a coding in order of time, rounded to milliseconds.
-
-    Args:
-        document: a list of objects with the fields of CodedEvent.
-        codes: those of the scheme.
-        duration: of the session, s; an event lies within it.
+    """Return the events of a coding in order of time, rounded to milliseconds, from a list of
+    objects with the fields of CodedEvent. They lie within the duration of the session, in s.
 
     Raises:
         BadCodingError: with every problem found.
@@ -108,12 +112,8 @@ def _problems_of(event: CodedEvent, known: Mapping[str, Code], duration: float) 
 
 
 def event_problems(event: Any, code: Code | None, name: str) -> Iterator[str]:
-    """Yield why an event cannot be stored. A state may have no end yet.
-
-    Args:
-        event: with the fields of CodedEvent.
-        code: that of the event; None when the scheme has none.
-        name: of the code, for the sentences.
+    """Yield why an object with the fields of CodedEvent cannot be stored. A state may have no end
+    yet; `code` is None when the scheme has none, and `name` is for the sentences.
     """
     where = _where(event, name)
     if code is None:

@@ -1,14 +1,14 @@
 """Stored codings: schemes by version, and each coder's events, every change of which is a row.
 
 A page sends changes with ids of its own, so that a change that is sent twice is stored once. A
-change always becomes the newest version of its event: of two tabs that change one event, the later
-change counts, the other one stays stored, and the answer names the event.
+change always becomes the newest version of its event: if two tabs change one event, the later
+change is valid, the other one remains stored, and the answer names the event.
 """
 
 import contextlib
 import datetime
 import uuid
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -30,7 +30,6 @@ from experiments.coding.scheme import (
 )
 from experiments.definition.coding import CodingScheme
 from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Drive, Participant, Study
-from sessions.models import Session
 
 MAX_EDITS, MAX_EDITS_AT_ONCE = 50_000, 500
 ATTEMPTS = 5  # to store a version while another tab stores some
@@ -39,8 +38,8 @@ Seconds = Annotated[float, Meta(ge=0.0, le=MAX_SECONDS)]
 
 
 class EventEdit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A change as a page sends it: the event as it is from now on. `base` is the version that was
-    changed, 0 for a new event.
+    """A change from a page: the whole event after it. `base` is the changed version, 0 for a new
+    event.
     """
 
     id: uuid.UUID
@@ -60,9 +59,7 @@ class EventEdits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Saved:
-    """The result of saving changes: `conflicts` are events that another tab has changed, `refused`
-    the changes that cannot be stored, with the reason.
-    """
+    """Events that another tab has changed, and the changes that cannot be stored, with reasons."""
 
     conflicts: tuple[str, ...]
     refused: dict[str, str]
@@ -72,8 +69,8 @@ class Saved:
 
 
 def scheme_of(study: Study, now: datetime.datetime) -> CodingSchemeVersion | None:
-    """Return the newest scheme of a study; that of its definition is stored at its first use. None
-    when it has none.
+    """Return the newest scheme of a study, if it has any; that of its definition is stored at its
+    first use.
     """
     newest = _newest(study)
     if newest is None and (declared := study.as_definition().coding) is not None:
@@ -88,9 +85,9 @@ def store_scheme(study: Study, scheme: CodingScheme, now: datetime.datetime) -> 
         return newest
     fields = {"document": msgspec.to_builtins(scheme), "created_at": now}
     version = newest.version + 1 if newest else 1
-    row: CodingSchemeVersion = CodingSchemeVersion.objects.get_or_create(
-        study=study, version=version, defaults=fields
-    )[0]
+    rows = CodingSchemeVersion.objects
+    row: CodingSchemeVersion
+    row, _new = rows.get_or_create(study=study, version=version, defaults=fields)
     return row
 
 
@@ -115,24 +112,20 @@ def coding_of(session: uuid.UUID, scheme: CodingSchemeVersion, user: Any) -> Cod
 
 def begin(drive: Drive, scheme: CodingSchemeVersion, user: Any, now: datetime.datetime) -> Coding:
     """Return a user's coding of a drive's session, begun now where there is none."""
+    slug, session = drive.participant.study.slug, drive.session_id
     for _attempt in range(ATTEMPTS + 1):
-        if found := coding_of(drive.session_id, scheme, user):
+        if found := coding_of(session, scheme, user):
             return found
         # refused when another tab has begun it, or another coder took the number
         with contextlib.suppress(IntegrityError), transaction.atomic():
-            number = _number_of(drive.participant.study.slug, user)
-            Coding.objects.create(
-                session_id=drive.session_id, scheme=scheme, coder=user, number=number, began_at=now
-            )
+            list(Study.objects.select_for_update().filter(slug=slug).values_list("pk"))
+            rows = Coding.objects.filter(scheme__study__slug=slug)
+            # a coder has one number in a study
+            own = rows.filter(coder=user).values_list("number", flat=True).first()
+            number = own or (rows.aggregate(most=Max("number"))["most"] or 0) + 1
+            fields = {"scheme": scheme, "coder": user, "number": number, "began_at": now}
+            Coding.objects.create(session_id=session, **fields)
     raise BadCodingError([_("The coding could not be started. Try again.")])
-
-
-def _number_of(slug: str, user: Any) -> int:
-    """Return a coder's number in a study: the one that they have, else the next."""
-    list(Study.objects.select_for_update().filter(slug=slug).values_list("pk"))
-    rows = Coding.objects.filter(scheme__study__slug=slug)
-    own = rows.filter(coder=user).values_list("number", flat=True).first()
-    return own or (rows.aggregate(most=Max("number"))["most"] or 0) + 1
 
 
 def current(coding: Coding) -> list[CodingEdit]:
@@ -157,9 +150,8 @@ def save(coding: Coding, edits: Sequence[EventEdit], now: datetime.datetime) -> 
     """
     refuse_if_done(coding)
     if coding.edits.count() + len(edits) > MAX_EDITS:
-        raise BadCodingError(
-            [_("Not saved: a coding can have at most %(n)d changes.") % {"n": MAX_EDITS}]
-        )
+        text = _("Not saved: a coding can have at most %(n)d changes.") % {"n": MAX_EDITS}
+        raise BadCodingError([text])
     scheme = read_scheme(coding.scheme)
     conflicts: list[str] = []
     refused: dict[str, str] = {}
@@ -184,7 +176,7 @@ def refuse_if_done(coding: Coding) -> None:
 
 
 def _store(coding: Coding, edit: EventEdit, now: datetime.datetime) -> bool:
-    """Store a change once; tell whether the event was changed since the version it was made of."""
+    """Store a change once; return whether another tab changed the event since `edit.base`."""
     for _attempt in range(ATTEMPTS):
         if CodingEdit.objects.filter(pk=edit.id).exists():
             return False
@@ -216,7 +208,7 @@ def _row(coding: Coding, noted: Any, now: datetime.datetime, **fields: Any) -> C
 
 
 def replace_events(coding: Coding, events: Iterable[CodedEvent], now: datetime.datetime) -> int:
-    """Put imported, checked events into a coding in place of those that it has; return how many.
+    """Replace the events of a coding by imported, checked ones, and return how many these are.
 
     Raises:
         BadCodingError: the coding is done.
@@ -267,7 +259,7 @@ def reopen(coding: Coding) -> None:
     Coding.objects.filter(pk=coding.pk).update(done_at=None)
 
 
-# --- who sees what --------------------------------------------------------------------------------
+# --- access ---------------------------------------------------------------------------------------
 
 
 def is_revealed(session: uuid.UUID, scheme: CodingSchemeVersion) -> bool:
@@ -278,24 +270,8 @@ def is_revealed(session: uuid.UUID, scheme: CodingSchemeVersion) -> bool:
 
 def released(scheme: CodingSchemeVersion) -> list[Coding]:
     """Return the codings that may be exported: those of sessions that no coder is still coding."""
-    rows = list(
-        Coding.objects.filter(scheme=scheme)
-        .exclude(session__drive__participant__status=Participant.Status.WITHDRAWN)
-        .select_related("session", "scheme")
-        .order_by("session__granted_at", "session", "number")
-    )
-    busy = {row.session_id for row in rows if row.done_at is None}
-    return [row for row in rows if row.session_id not in busy]
-
-
-def compared(codings: Iterable[Coding]) -> Iterator[tuple[Session, list[Coding]]]:
-    """Yield each session of codings with its own, where there are at least two."""
-    of_session: dict[uuid.UUID, list[Coding]] = {}
-    for coding in codings:
-        of_session.setdefault(coding.session_id, []).append(coding)
-    yield from ((some[0].session, some) for some in of_session.values() if len(some) > 1)
-
-
-def waiting(scheme: CodingSchemeVersion) -> int:
-    rows = Coding.objects.filter(scheme=scheme, done_at=None)
-    return len(set(rows.values_list("session", flat=True)))
+    every = Coding.objects.filter(scheme=scheme).select_related("session", "scheme")
+    rows = every.exclude(session__drive__participant__status=Participant.Status.WITHDRAWN)
+    found = list(rows.order_by("session__granted_at", "session", "number"))
+    busy = {row.session_id for row in found if row.done_at is None}
+    return [row for row in found if row.session_id not in busy]

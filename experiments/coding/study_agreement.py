@@ -1,7 +1,9 @@
-"""How the coders of a study agree on the sessions that several of them have finished."""
+"""The agreement of a study's coders on the sessions that several of them have finished."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 from experiments.coding import store
@@ -23,26 +25,27 @@ class StudyAgreement:
 
 
 def agreement_of(scheme: CodingSchemeVersion, only: Any = None) -> StudyAgreement:
-    """Return how coders agree by one scheme.
-
-    Args:
-        scheme: by which they coded.
-        only: a user: sessions that they did not code are left out.
+    """Return the agreement of coders by one scheme; with a user as `only`, on the sessions of this
+    coder.
     """
+    every = groupby(store.released(scheme), attrgetter("session"))  # ordered by session
+    found = ((session, list(codings)) for session, codings in every)
     sessions = [
         (session, codings)
-        for session, codings in store.compared(store.released(scheme))
-        if only is None or any(coding.coder_id == only.pk for coding in codings)
+        for session, codings in found
+        if len(codings) > 1
+        and (only is None or any(coding.coder_id == only.pk for coding in codings))
     ]
     numbers = sorted({coding.number for _session, codings in sessions for coding in codings})
     definition = store.read_scheme(scheme)
-    found = reliability(
+    waiting = Coding.objects.filter(scheme=scheme, done_at=None).values_list("session", flat=True)
+    reliabilities = reliability(
         [_codings(session, codings, numbers) for session, codings in sessions],
         [code.code for code in definition.codes],
         width=definition.bin,
         tolerance=definition.tolerance,
     )
-    return StudyAgreement(tuple(numbers), len(sessions), store.waiting(scheme), found)
+    return StudyAgreement(tuple(numbers), len(sessions), len(set(waiting)), reliabilities)
 
 
 def _codings(session: Session, codings: Sequence[Coding], numbers: Sequence[int]) -> SessionCodings:

@@ -1,9 +1,8 @@
-"""What a dataset says about itself (`dataset_description.json`): what it is, who made it, and every
-column of every file with unit, range and levels, from the same columns by which the files are
-written.
+"""The description of a dataset (`dataset_description.json`): its title, its authors, and every
+column of every file with unit, range and levels, from the columns by which the files are written.
 
-It is a Dataset of schema.org as JSON-LD, as Psych-DS asks for, and uses no word that schema.org has
-not: a range is `minValue` and `maxValue`, and each level is a PropertyValue in `valueReference`.
+It is a Dataset of schema.org as JSON-LD, as Psych-DS requires, with words of schema.org alone: a
+range is `minValue` and `maxValue`, and each level is a PropertyValue in `valueReference`.
 """
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -15,12 +14,11 @@ from experiments.dataset.columns import TIMES, Column, declared
 from experiments.dataset.levels import MISSING, Levels
 from experiments.dataset.records import TABLES, AnswerRecord, Dataset
 from experiments.dataset.states import NETWORK, STATES
-from experiments.dataset.wide import wide_head
 from experiments.definition.publication import json_ld
 from surveys.definition import Definition
 from surveys.documents import spoken
 from surveys.item import Question
-from surveys.scoring import ScoredScale, scales_of
+from surveys.scoring import ScoredScale, WideTable, scales_of
 
 LAYOUTS = {name: declared(kind) for name, kind in TABLES.items()} | {
     "states": STATES,
@@ -36,8 +34,8 @@ def description(
     """Return the description.
 
     Args:
-        dataset: what is described.
-        more: columns of tables that are written beside those of a dataset.
+        dataset: its subject.
+        more: columns of tables that are written in addition to those of a dataset.
         without: tables that are not written, because they would be empty.
     """
     study = dataset.study
@@ -50,7 +48,7 @@ def description(
         "schemaVersion": "Psych-DS 1.5.0",
         **json_ld(dataset.publication),
         "variableMeasured": [
-            variable(file, column)
+            _variable(file, column)
             for file, layout in layouts(dataset, more or {})
             if file not in without
             for column in layout
@@ -58,8 +56,8 @@ def description(
     }
 
 
-def variable(file: str, column: Column) -> dict[str, Any]:
-    """Return a column of a file as schema.org says it."""
+def _variable(file: str, column: Column) -> dict[str, Any]:
+    """Return a column of a file as a PropertyValue of schema.org."""
     divided = f"; several words are separated by {column.divider}" if column.divider else ""
     renamed = f"; in earlier releases {column.was}" if column.was else ""
     found: dict[str, Any] = {
@@ -71,29 +69,28 @@ def variable(file: str, column: Column) -> dict[str, Any]:
     bounds = {"minValue": column.least, "maxValue": column.greatest}
     found |= {name: value for name, value in bounds.items() if value is not None}
     if column.levels:
-        found["valueReference"] = [_level(*one) for one in column.levels.items()]
+        found["valueReference"] = [
+            {"@type": "PropertyValue", "value": value}
+            | ({"description": meaning} if meaning else {})
+            for value, meaning in column.levels.items()
+        ]
     return found
-
-
-def _level(value: str, meaning: str) -> dict[str, str]:
-    found = {"@type": "PropertyValue", "value": value}
-    return found | ({"description": meaning} if meaning else {})
 
 
 def layouts(
     dataset: Dataset, more: Mapping[str, tuple[Column, ...]]
 ) -> Iterator[tuple[str, Sequence[Column]]]:
-    """Yield every table by name, with its columns; `more` may tell more of those of a dataset."""
+    """Yield every table by name, with its columns; `more` takes precedence over LAYOUTS."""
     named = _named(dataset)
     for name, layout in {**LAYOUTS, **more}.items():
-        yield name, [column.one_of(named.get(column.name, column.levels)) for column in layout]
+        yield name, [replace(one, levels=named.get(one.name, one.levels)) for one in layout]
     for slug in sorted({one.slug for one in dataset.questionnaires}):
         versions = [one for one in dataset.questionnaires if one.slug == slug]
         yield slug, list(_wide(versions, dataset.language))
 
 
 def _named(dataset: Dataset) -> Mapping[str, Levels]:
-    """Return the columns whose words are the study's own, with what these are called there."""
+    """Return the levels of the columns whose words are the study's own."""
     study, say = dataset.study, dataset.say
     steps = {one.key: f"{one.kind}: {say(one.title)}" for one in study.steps}
     conditions = {one.key: say(one.title) for one in study.conditions}
@@ -112,22 +109,26 @@ def _named(dataset: Dataset) -> Mapping[str, Levels]:
     }
 
 
+# The columns about a response before its answers, which are fields of AnswerRecord.
+ABOUT_RESPONSE = ("response", "version", "participant", "session", "finished")
+
+
 def _wide(versions: Sequence[Definition], language: str) -> Iterator[Column]:
     """Yield the columns of a table with a line a response."""
-    known: dict[str, Column] = {}
+    known = {column.name: column for column in declared(AnswerRecord)}
     for one in versions:
         for question in one.questions():
             known |= {column.name: column for column in _asked(one, question, language)}
         for scale in scales_of(one):
+            low, high = scale.bounds
             meaning = _scored(one, scale, language)
-            known[scale.name] = Column(scale.name, "", meaning).within(*scale.bounds)
-    about = {column.name: column for column in declared(AnswerRecord)}
-    for name in wide_head(versions):
-        yield known.get(name) or about.get(name) or Column(name, "", "score")
+            known[scale.name] = Column(scale.name, "", meaning, least=low, greatest=high)
+    for name in (*ABOUT_RESPONSE, *WideTable(versions).head):
+        yield known.get(name) or Column(name, "", "score")
 
 
 def _scored(definition: Definition, scale: ScoredScale, language: str) -> str:
-    """Return what a score is: of what, by which formula, from where to where, and which way up."""
+    """Return the meaning of a score: its scale, formula, range and direction."""
     about = spoken(scale.label, language) or spoken(definition.title, language)
     low, high = scale.bounds
     turned: dict[float, list[str]] = {}
@@ -140,26 +141,22 @@ def _scored(definition: Definition, scale: ScoredScale, language: str) -> str:
             turned.setdefault(question.from_other_end(0), []).append(key)
         end = spoken(question.ends[0 if key in definition.reversed else 1], language)
         ends.setdefault(end, []).append(key)
+    nearer = "; ".join(
+        f"to “{end}” in {', '.join(keys)}" if len(ends) > 1 else f"to “{end}”"
+        for end, keys in ends.items()
+    )
     return "; ".join(
         (
             f"score of: {about} – {scale.formula}",
             *(f"{', '.join(keys)} counted as {total:g} − answer" for total, keys in turned.items()),
             f"from {low:g} to {high:g}",
-            _upwards(ends),
+            f"higher is nearer {nearer}",
         )
     )
 
 
-def _upwards(ends: Mapping[str, Sequence[str]]) -> str:
-    """Return to which ends of its items a higher score is nearer."""
-    if len(ends) == 1:
-        return f"higher is nearer to “{next(iter(ends))}”"
-    named = "; ".join(f"to “{end}” in {', '.join(keys)}" for end, keys in ends.items())
-    return f"higher is nearer {named}"
-
-
 def _asked(definition: Definition, question: Question, language: str) -> Iterator[Column]:
-    """Yield each column of a question, and what it says."""
+    """Yield the columns of a question."""
     text, item = spoken(question.text, language), question.item
     if question.key in definition.reversed:
         text += " (reverse-coded: stored as answered, scores count it from the other end)"
@@ -169,7 +166,7 @@ def _asked(definition: Definition, question: Question, language: str) -> Iterato
         column = Column(name, "", f"{text} – {about}" if about else text)
         yield _bounded(column, question, language) if len(names) == 1 else column
     why = f"why there is no answer to: {text}"
-    yield replace(Column(f"{question.key}_missing", "", why), levels=MISSING)
+    yield Column(f"{question.key}_missing", "", why, levels=MISSING)
 
 
 def _bounded(column: Column, question: Question, language: str) -> Column:

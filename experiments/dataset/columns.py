@@ -1,7 +1,8 @@
 """A column of a dataset's files, declared once: on the field of the record that fills it, or beside
-the formula that computes it. Header, code book, reading and writing follow from the declaration.
+the formula that computes it. Header, code book, reading, writing and labels are derived from it.
 """
 
+import math
 from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass, field, fields, is_dataclass, replace
 from typing import Any, get_args, get_type_hints
@@ -26,10 +27,10 @@ class Column:
     """A column: its name in the file, the unit of its values ("" for a count, a word or a share),
     and its meaning.
 
-    Datasets that were written before a `late` column was added lack it, and can be read all the
-    same; `was` is the name that it had in earlier releases. `least` and `greatest` bound its
-    numbers. `levels` are all texts that its cells may have, each with its meaning, and empty where
-    they are not listed. A cell that holds several is split at `divider`.
+    A `late` column may be missing, because earlier releases wrote datasets without it; `was` is the
+    name that it had there. `least` and `greatest` bound its numbers. `levels` has the meaning of
+    each text that a cell may have, and is empty where the texts are not listed. A cell with several
+    texts is split at `divider`.
     """
 
     name: str
@@ -42,18 +43,6 @@ class Column:
     divider: str = ""
     was: str = ""
     is_text: bool = False
-
-    def within(self, least: float | None, greatest: float | None) -> "Column":
-        """Return it with the range of its values, in its unit."""
-        return replace(self, least=least, greatest=greatest)
-
-    def one_of(self, known: Mapping[str, str]) -> "Column":
-        """Return it with the levels that its cells may have."""
-        return replace(self, levels=known)
-
-    def some_of(self, known: Mapping[str, str], divider: str = "|") -> "Column":
-        """Return it with the levels of which each cell holds any number."""
-        return replace(self, levels=known, divider=divider)
 
 
 def flag(name: str, meaning: str, *, late: bool = False) -> Column:
@@ -87,6 +76,16 @@ def column(default: Any, meaning: str, unit: str = "", **more: Any) -> Any:
     if default == {}:
         return field(default_factory=dict, metadata=metadata)
     return field(default=default, metadata=metadata)
+
+
+def word(meaning: str, levels: Mapping[str, str] | None = None, **more: Any) -> Any:
+    """Return `column` for a text that may be empty."""
+    return column("", meaning, levels=levels or {}, **more)
+
+
+def measure(meaning: str, unit: str = "", **more: Any) -> Any:
+    """Return `column` for a number that may be missing."""
+    return column(math.nan, meaning, unit, **more)
 
 
 def declared(kind: type) -> tuple[Column, ...]:

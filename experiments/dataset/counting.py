@@ -12,22 +12,10 @@ A participant who was assigned again counts in one cell: that of the first drive
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
+from experiments.dataset import levels
 from experiments.dataset.exclusions import excluded_participants, exclusions
-from experiments.dataset.levels import (
-    DRAWN_ANEW,
-    EXCLUDED,
-    EXCLUDED_BY_PLAN,
-    NOT_DRIVEN,
-    NOT_EXPOSED,
-    PLATFORM,
-    PLATFORM_FAULT,
-    PRACTICE,
-    REPEATED,
-    RUNNING,
-    WITHDRAWN,
-    Kind,
-)
-from experiments.dataset.records import Dataset, ResponseRecord, SessionRecord
+from experiments.dataset.levels import PLATFORM, Kind
+from experiments.dataset.records import Dataset, PlanExclusion, ResponseRecord, SessionRecord
 from experiments.definition.factors import conditions_together
 from experiments.definition.schema import StudyDefinition
 
@@ -45,45 +33,39 @@ class CountingPlan:
         with_excluded: whether excluded drives count as well, as in a sensitivity analysis.
     """
 
-    kinds: Collection[Kind] = PARTICIPANTS
-    withdrawn: Collection[str] = frozenset()
+    kinds: Collection[Kind]
+    withdrawn: Collection[str]
     excluded: Collection[str] = frozenset()
     with_excluded: bool = False
 
 
-def why_not(session: SessionRecord, plan: CountingPlan) -> str:
+def _why_not(session: SessionRecord, plan: CountingPlan) -> str:
     """Return why a drive by itself does not count (levels.UNCOUNTED); empty if it may."""
     if session.practice:
-        return PRACTICE
+        return levels.PRACTICE
     if session.kind not in plan.kinds:
         return session.kind
     if session.participant in plan.withdrawn:
-        return WITHDRAWN
+        return levels.WITHDRAWN
     if session.fault_side == PLATFORM:
-        return PLATFORM_FAULT
+        return levels.PLATFORM_FAULT
     if not session.outcome:
-        return RUNNING
+        return levels.RUNNING
     if not session.drove:
-        return NOT_DRIVEN if session.exposed else NOT_EXPOSED
-    return "" if plan.with_excluded else _excluded(session, plan)
+        return levels.NOT_DRIVEN if session.exposed else levels.NOT_EXPOSED
+    if session.excluded and not plan.with_excluded:
+        return levels.EXCLUDED
+    return levels.EXCLUDED_BY_PLAN if session.participant in plan.excluded else ""
 
 
-def _excluded(session: SessionRecord, plan: CountingPlan) -> str:
-    if session.excluded:
-        return EXCLUDED
-    return EXCLUDED_BY_PLAN if session.participant in plan.excluded else ""
-
-
-def reasons(
-    study: StudyDefinition, sessions: Sequence[SessionRecord], plan: CountingPlan
-) -> dict[str, str]:
-    """Return the code for which each drive of a study does not count, by its id; empty for those
-    that count. Drives are in the order of time, participant by participant.
+def _reasons(dataset: Dataset, plan: CountingPlan) -> dict[str, str]:
+    """Return the code for which each drive does not count, by its id; empty for those that count.
+    Drives are in the order of time, participant by participant.
     """
-    found = {one.id: why_not(one, plan) for one in sessions}
-    for code, some in ((DRAWN_ANEW, _drawn_anew), (REPEATED, _repeated)):
-        left = [one for one in sessions if not found[one.id]]
-        found |= {one.id: code for one in some(study, left)}
+    found = {one.id: _why_not(one, plan) for one in dataset.sessions}
+    for code, some in ((levels.DRAWN_ANEW, _drawn_anew), (levels.REPEATED, _repeated)):
+        left = [one for one in dataset.sessions if not found[one.id]]
+        found |= {one.id: code for one in some(dataset.study, left)}
     return found
 
 
@@ -112,7 +94,7 @@ def _repeated(study: StudyDefinition, sessions: Sequence[SessionRecord]) -> Iter
         seen.add(key)
 
 
-def numbered(sessions: Iterable[SessionRecord]) -> Iterator[SessionRecord]:
+def _numbered(sessions: Iterable[SessionRecord]) -> Iterator[SessionRecord]:
     """Yield drives with their numbers: the first, second … of a participant in a condition, of
     those in which they moved the robot; 0 for all others. Without a visit, as in datasets of
     earlier releases, the number is that of the visit: no visit has a condition twice.
@@ -134,12 +116,7 @@ def visits_of(sessions: Iterable[SessionRecord]) -> dict[str, int]:
     visits: dict[str, set[int]] = {}
     for one in sessions:
         visits.setdefault(one.participant, set()).add(one.visit)
-    ranks = {
-        (who, visit): rank
-        for who, own in visits.items()
-        for rank, visit in enumerate(sorted(own), start=1)
-    }
-    return {one.id: ranks[one.participant, one.visit] for one in sessions}
+    return {one.id: 1 + sorted(visits[one.participant]).index(one.visit) for one in sessions}
 
 
 def counting(
@@ -151,41 +128,40 @@ def counting(
     Args:
         dataset: everything that was recorded.
         kinds: who is chosen.
-        with_excluded: whether what is excluded counts as well: a sensitivity analysis.
+        with_excluded: whether excluded drives count as well, as in a sensitivity analysis.
     """
-    withdrawn = frozenset(one.id for one in dataset.participants if one.withdrawn)
-    plan = CountingPlan(kinds, withdrawn)
-    found = exclusions(_selected(dataset, plan))
+    plan, found = _plan_of(dataset, kinds)
     if with_excluded:
-        plan = replace(plan, with_excluded=True)
-    else:
-        plan = replace(plan, excluded=excluded_participants(found))
+        plan = replace(plan, excluded=frozenset(), with_excluded=True)
     return replace(_selected(dataset, plan), exclusions=found, is_with_excluded=with_excluded)
 
 
 def with_reasons(dataset: Dataset) -> Dataset:
-    """Return a whole dataset whose sessions say whether they count in the results of its
+    """Return a whole dataset whose sessions state whether they count in the results of its
     participants, and why they do not.
     """
-    of_people = counting(dataset)
-    found = {one.id: one.counts_why for one in (*of_people.sessions, *of_people.others)}
-    alone = CountingPlan(withdrawn={one.id for one in dataset.participants if one.withdrawn})
-    return replace(
-        dataset,
-        sessions=tuple(
-            replace(one, counts_why=found.get(one.id, "") or why_not(one, alone))
-            for one in numbered(dataset.sessions)
-        ),
-    )
+    found = _reasons(dataset, _plan_of(dataset, PARTICIPANTS)[0])
+    sessions = (replace(one, counts_why=found[one.id]) for one in _numbered(dataset.sessions))
+    return replace(dataset, sessions=tuple(sessions))
+
+
+def _plan_of(
+    dataset: Dataset, kinds: Sequence[Kind]
+) -> tuple[CountingPlan, tuple[PlanExclusion, ...]]:
+    """Return the plan with the participants whom its rules exclude, and all exclusions."""
+    withdrawn = frozenset(one.id for one in dataset.participants if one.withdrawn)
+    plan = CountingPlan(kinds, withdrawn)
+    found = exclusions(_selected(dataset, plan))
+    return replace(plan, excluded=excluded_participants(found)), found
 
 
 def _selected(dataset: Dataset, plan: CountingPlan) -> Dataset:
     people = tuple(one for one in dataset.participants if one.kind in plan.kinds)
     known = {one.id for one in people} - set(plan.withdrawn)
-    found = reasons(dataset.study, dataset.sessions, plan)
+    found = _reasons(dataset, plan)
     own = [
         replace(one, counts_why=found[one.id])
-        for one in numbered(dataset.sessions)
+        for one in _numbered(dataset.sessions)
         if one.participant in known and one.kind in plan.kinds and not one.practice
     ]
     sessions = tuple(one for one in own if one.counts)

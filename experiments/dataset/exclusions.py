@@ -9,25 +9,19 @@ its page, from its first display to its end, by the server's clock.
 import statistics
 from collections.abc import Iterator, Sequence
 
-from experiments.dataset.levels import PLATFORM, WITHHELD
-from experiments.dataset.records import (
-    Dataset,
-    PageRecord,
-    PlanExclusion,
-    ResponseRecord,
+from experiments.dataset.levels import (
+    ATTENTION,
+    BY_HAND,
+    INCOMPLETE,
+    OF_PLATFORM,
+    PLATFORM,
+    SPEEDER,
+    WITHHELD,
 )
-from experiments.definition.plan import AttentionCheck, Speeder, StudyPlan
+from experiments.dataset.records import Dataset, PageRecord, PlanExclusion, ResponseRecord
+from experiments.definition.plan import AttentionCheck, Speeder
 from surveys.answers import Missing
 
-ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
-OF_PLATFORM, BY_HAND = "platform fault", "researcher's decision"
-RULES = {
-    ATTENTION: "of the plan: the participant answered an attention check otherwise",
-    SPEEDER: "of the plan: the participant answered a questionnaire too fast",
-    INCOMPLETE: "of the plan: a condition or a questionnaire of the participant is missing",
-    OF_PLATFORM: "the platform ended the session",
-    BY_HAND: "a researcher excluded the session",
-}
 NOT_ASKED = frozenset({Missing.NOT_ASKED, Missing.NOT_REACHED, WITHHELD})  # nothing to judge
 
 
@@ -35,10 +29,7 @@ def exclusions(dataset: Dataset) -> tuple[PlanExclusion, ...]:
     """Return every exclusion, by participant, from a dataset of those who count before the rules of
     the plan are applied. A participant to whom several rules apply is listed for each.
     """
-    plan = dataset.study.plan
-    found = [*_of_sessions(dataset)]
-    if plan is not None:
-        found += _of_participants(dataset, plan)
+    found = [*_of_sessions(dataset), *_of_participants(dataset)]
     return tuple(sorted(found, key=lambda one: (one.participant, one.rule, one.value)))
 
 
@@ -51,18 +42,24 @@ def _of_sessions(dataset: Dataset) -> Iterator[PlanExclusion]:
     has_plan = dataset.study.plan is not None
     for one in dataset.others:
         if one.fault_side == PLATFORM:
-            yield PlanExclusion(one.participant, OF_PLATFORM, one.fault, one.id, has_plan)
+            yield PlanExclusion(one.participant, one.id, OF_PLATFORM, one.fault, has_plan)
         elif one.excluded:
-            yield PlanExclusion(one.participant, BY_HAND, one.excluded, one.id, is_planned=False)
+            yield PlanExclusion(one.participant, one.id, BY_HAND, one.excluded, planned=False)
 
 
-def _of_participants(dataset: Dataset, plan: StudyPlan) -> Iterator[PlanExclusion]:
+def _of_participants(dataset: Dataset) -> Iterator[PlanExclusion]:
+    plan = dataset.study.plan
+    if plan is None:
+        return
     for check in plan.attention_checks:
         yield from _failed(dataset, check)
     for speeder in plan.speeders:
         yield from _too_fast(dataset, speeder)
     if plan.incomplete != "keep":
-        yield from _incomplete(dataset, with_answers=plan.incomplete == "answers")
+        for person in dataset.participants:
+            lacking = list(_lacking(dataset, person.id, person.cell))
+            if lacking and not person.withdrawn:
+                yield PlanExclusion(person.id, "", INCOMPLETE, "; ".join(lacking))
 
 
 # --- attention checks -----------------------------------------------------------------------------
@@ -75,7 +72,7 @@ def _failed(dataset: Dataset, check: AttentionCheck) -> Iterator[PlanExclusion]:
         given = _given(response, check.item)
         if given is not None and given != check.answer:
             value = f"{check.questionnaire}.{check.item}: {given}, right is {check.answer}"
-            yield PlanExclusion(response.participant, ATTENTION, value)
+            yield PlanExclusion(response.participant, "", ATTENTION, value)
 
 
 def _given(response: ResponseRecord, item: str) -> str | None:
@@ -99,25 +96,21 @@ def as_answer(value: object) -> str:
 
 
 def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
-    pages = _answered_pages(dataset, rule.questionnaire)
-    limit, in_words = _limit(rule, pages)
-    for page in pages:
-        if page.seconds < limit:
-            value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {in_words}"
-            yield PlanExclusion(page.participant, SPEEDER, value)
-
-
-def _answered_pages(dataset: Dataset, questionnaire: str) -> list[PageRecord]:
-    """Return the finished pages of a questionnaire, without those about a drive that does not
+    """Yield the finished pages that were too fast, without those about a drive that does not
     count.
     """
-    steps = {one.key for one in dataset.study.asking if one.questionnaire == questionnaire}
+    steps = {one.key for one in dataset.study.asking if one.questionnaire == rule.questionnaire}
     other = {one.id for one in dataset.others}
-    return [
+    pages = [
         one
         for one in dataset.pages
         if one.finished and one.step in steps and one.session not in other
     ]
+    limit, in_words = _limit(rule, pages)
+    for page in pages:
+        if page.seconds < limit:
+            value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {in_words}"
+            yield PlanExclusion(page.participant, "", SPEEDER, value)
 
 
 def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:
@@ -135,28 +128,19 @@ def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:
 # --- incomplete cases -----------------------------------------------------------------------------
 
 
-def _incomplete(dataset: Dataset, *, with_answers: bool) -> Iterator[PlanExclusion]:
-    for person in dataset.participants:
-        if person.withdrawn:
-            continue
-        lacking = list(_lacking(dataset, person.id, person.cell, with_answers=with_answers))
-        if lacking:
-            yield PlanExclusion(person.id, INCOMPLETE, "; ".join(lacking))
-
-
-def _lacking(dataset: Dataset, who: str, cell: str, *, with_answers: bool) -> Iterator[str]:
+def _lacking(dataset: Dataset, who: str, cell: str) -> Iterator[str]:
+    """Yield the drives that a participant lacks, and the answers where the plan requires them."""
     if not cell:
         yield "never assigned to a condition"
         return
+    plan = dataset.study.plan
     drives = [one for one in dataset.sessions if one.participant == who]
-    driven = {one.condition for one in drives}
     for key in cell.split("-"):
-        if key not in driven:
+        sessions = {one.id for one in drives if one.condition == key}
+        if not sessions:
             yield f"no drive of {key}"
-        elif with_answers:
-            yield from _unanswered(
-                dataset, who, key, {one.id for one in drives if one.condition == key}
-            )
+        elif plan is not None and plan.incomplete == "answers":
+            yield from _unanswered(dataset, who, key, sessions)
 
 
 def _unanswered(dataset: Dataset, who: str, condition: str, sessions: set[str]) -> Iterator[str]:

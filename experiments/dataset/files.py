@@ -1,13 +1,17 @@
 """A dataset as files: names and texts, made one after the other, so that they can be written into a
-folder or sent as they are made.
+folder or sent as they are made. Numbers have all their digits, so that reading gives the same ones.
 
-Numbers are written with as many digits as they have, so that reading gives the same ones.
+Names are those that Psych-DS requires: pairs of a keyword (lower-case letters) and a value (letters
+and digits), then `_data.csv`.
 """
 
 import json
 import math
+import re
+import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from hashlib import sha256
 from itertools import islice
 from types import MappingProxyType
 from typing import Any
@@ -17,23 +21,24 @@ import numpy as np
 
 from experiments.dataset import code_book
 from experiments.dataset.columns import Column, Columns, Floats
-from experiments.dataset.names import (
-    DatasetError,
-    numbers_path,
-    plan_path,
-    questionnaire_paths,
-    table_path,
-)
 from experiments.dataset.records import TABLES, Dataset, EventRecord
-from experiments.dataset.wide import wide_rows
 from experiments.definition.schema import to_json as study_json
 from robots.api import floorplan
 from robots.files.csv_text import csv_text
 from surveys.definition import to_json
+from surveys.scoring import WideTable
 
-File = tuple[str, Iterable[str]]  # where in the folder, and its text in parts
+File = tuple[str, Iterable[str]]  # path in the folder, and its text in parts
 LINES_AT_ONCE = 500
 EXACT = 1e15  # whole numbers below it are exact
+DIGEST = 8  # characters of the sum that tells apart names that would be the same
+_CODE = re.compile(r"^[A-Za-z0-9-]{1,64}$")
+_PLAN = re.compile(r"^[a-z0-9][a-z0-9_-]{0,63}$")
+_PARTS = re.compile(r"[^A-Za-z0-9]+")
+
+
+class DatasetError(ValueError):
+    """A folder without a dataset, or with a broken one; names the file and the problem."""
 
 
 def contents(dataset: Dataset) -> Iterator[File]:
@@ -56,18 +61,18 @@ def tables(
     """Yield everything but states and network samples.
 
     Args:
-        dataset: what is to be written.
-        events: its events, which may be too many to be held.
-        more: columns of tables that are written beside these, for the code book.
+        dataset: all of it but its events.
+        events: read as they are written, because there may be too many for the memory.
+        more: columns of tables that are written in addition to these, for the code book.
 
     Raises:
         DatasetError: two sessions with codes that would have the same file.
     """
     if len({one.id.replace("-", "") for one in dataset.sessions}) < len(dataset.sessions):
         raise DatasetError("two sessions have codes that differ only in hyphens")
-    yield from about(dataset, more)
+    yield from _about(dataset, more)
     for one in data_tables(dataset, events):
-        yield one.path, as_csv([column.name for column in one.layout], one.rows)
+        yield one.path, _as_csv(one.layout, one.rows)
 
 
 @dataclass(frozen=True)
@@ -93,13 +98,23 @@ def data_tables(dataset: Dataset, events: Iterable[EventRecord] = ()) -> Iterato
         "answers": (row for one in dataset.responses for row in one.answers()),
     }
     for name in TABLES:
-        rows = (values_of(one, layouts[name]) for one in records[name])
+        rows = values_of(records[name], layouts[name])
         yield DataTable(name, table_path(name), layouts[name], rows)
     for slug, path in questionnaire_paths(one.slug for one in dataset.questionnaires).items():
-        yield DataTable(slug, path, layouts[slug], wide_rows(dataset, slug))
+        yield DataTable(slug, path, layouts[slug], _wide_rows(dataset, slug))
 
 
-def about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[File]:
+def _wide_rows(dataset: Dataset, slug: str) -> Iterator[list[Any]]:
+    """Yield the responses to a questionnaire, a line each, as programs for statistics need them."""
+    known = {one.version: one for one in dataset.questionnaires if one.slug == slug}
+    table = WideTable([*known.values()])
+    for one in dataset.responses:
+        if one.questionnaire == slug:
+            own = table.row(known.get(one.version), one.values, one.missing)
+            yield [one.id, one.version, one.participant, one.session, one.finished, *own]
+
+
+def _about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[File]:
     """Yield what does not grow with the sessions: description, study, robots, plans and
     questionnaires.
     """
@@ -130,20 +145,21 @@ def _json(value: Any) -> str:
 
 def table(name: str, rows: Iterable[Sequence[Any]], layout: Sequence[Column]) -> File:
     """Return a table of values, in the order of its columns, as a file."""
-    return table_path(name), as_csv([column.name for column in layout], rows)
+    return table_path(name), _as_csv(layout, rows)
 
 
-def as_csv(head: Sequence[str], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
+def _as_csv(layout: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
     """Yield rows of values as CSV, some at a time; none of their cells is a formula."""
-    yield csv_text([head])
+    yield csv_text([[column.name for column in layout]])
     rest = iter(rows)
     while some := list(islice(rest, LINES_AT_ONCE)):
         yield csv_text([map(as_cell, row) for row in some])
 
 
-def values_of(record: Any, layout: Sequence[Column]) -> list[Any]:
-    """Return the values of a record in the order of its columns."""
-    return [getattr(record, column.name) for column in layout]
+def values_of(records: Iterable[Any], layout: Sequence[Column]) -> Iterator[list[Any]]:
+    """Yield the values of each record in the order of its columns."""
+    for record in records:
+        yield [getattr(record, column.name) for column in layout]
 
 
 def as_cell(value: Any) -> Any:
@@ -154,9 +170,8 @@ def as_cell(value: Any) -> Any:
         case float():
             if math.isnan(value):
                 return ""
-            return (
-                str(int(value)) if value.is_integer() and abs(value) < EXACT else repr(float(value))
-            )
+            is_exact = value.is_integer() and abs(value) < EXACT
+            return str(int(value)) if is_exact else repr(float(value))
         case tuple():
             return "|".join(value)
         case dict():
@@ -168,20 +183,77 @@ def as_cell(value: Any) -> Any:
 
 
 def numbers(name: str, session: str, found: Columns) -> Iterator[File]:
-    """Yield the file of the states or network samples of a session; none is no file."""
+    """Yield the file of the states or network samples of a session, unless it has none."""
     if len(found):
         names = found.dtype.names or ()
-        rows = list(zip(*(_written(found[column]) for column in names), strict=True))
+        rows = list(zip(*(_as_json(found[column]) for column in names), strict=True))
         # some five times as fast as by Python's own repr
         lines = msgspec.json.encode(rows)[2:-2].replace(b"],[", b"\n").replace(b"null", b"nan")
         yield numbers_path(name, session), [f"{','.join(names)}\n{lines.decode()}\n"]
 
 
-def _written(column: Floats) -> list[float]:
-    """Return a column as numbers that JSON writes as a reader expects: whole ones without a
-    point.
-    """
-    # neither holds for what is no number
+def _as_json(column: Floats) -> list[float]:
+    """Return the numbers of a column; JSON writes integers without a point, as readers expect."""
+    # both comparisons are false for NaN
     is_whole = bool((column == np.trunc(column)).all() and (np.abs(column) < EXACT).all())
-    written: list[float] = (column.astype(np.int64) if is_whole else column).tolist()
-    return written
+    found: list[float] = (column.astype(np.int64) if is_whole else column).tolist()
+    return found
+
+
+# --- names ----------------------------------------------------------------------------------------
+
+
+def table_path(name: str) -> str:
+    return f"data/description-{name}_data.csv"
+
+
+def numbers_path(name: str, session: str) -> str:
+    """Return the path of the states or network samples of a session.
+
+    Raises:
+        DatasetError: a code that cannot be the name of a file.
+    """
+    return f"data/{name}/session-{_named(session, _CODE).replace('-', '')}_data.csv"
+
+
+def plan_path(name: str) -> str:
+    """Return the path of a floor plan.
+
+    Raises:
+        DatasetError: a name that cannot be the name of a file.
+    """
+    return f"plans/{_named(name, _PLAN)}.json"
+
+
+def _named(name: str, pattern: re.Pattern[str]) -> str:
+    if not pattern.match(name):
+        raise DatasetError(f"{name!r} cannot be used as a file name")
+    return name
+
+
+def questionnaire_paths(slugs: Iterable[str]) -> dict[str, str]:
+    """Return the path of each questionnaire's answers, a line a response, by its name in order."""
+    values = keyword_values(slugs)
+    return {slug: f"data/questionnaire-{value}_data.csv" for slug, value in values.items()}
+
+
+def keyword_values(slugs: Iterable[str]) -> dict[str, str]:
+    """Return names as values of letters and digits alone, in their order: `nasa-tlx` is `nasaTlx`.
+
+    Values that would be the same, also on a file system that ignores case, end with a part of the
+    name's SHA-256; so does the value of a name without any letter or digit.
+    """
+    plain = {slug: _camel(slug) for slug in sorted(set(slugs))}
+    shared = [value.casefold() for value in plain.values()]
+    return {
+        slug: value
+        if value and shared.count(value.casefold()) == 1
+        else f"{value}{sha256(slug.encode()).hexdigest()[:DIGEST]}"
+        for slug, value in plain.items()
+    }
+
+
+def _camel(slug: str) -> str:
+    letters = unicodedata.normalize("NFKD", slug).encode("ascii", "ignore").decode()
+    first, *rest = [part for part in _PARTS.split(letters) if part] or [""]
+    return first + "".join(part[0].upper() + part[1:] for part in rest)

@@ -1,15 +1,15 @@
-"""A dataset as a folder of CSV and JSON files, named and described as Psych-DS asks for, and
-read back without a difference.
+"""A dataset as a folder of CSV and JSON files, named and described as Psych-DS requires: written,
+and read without a difference.
 
-    dataset_description.json            what it is, and every column of every file
+    dataset_description.json            the code book: every column of every file
     study.json                          the study as it was published
     freeze.json                         when it was published, and whether before the data
     robots.json                         its robots
     plans/<site>.json                   floor plans
     questionnaires/<name>-<n>.json      definitions, a file a version
     data/description-…_data.csv         participants, sessions, events, pages, answers
-    data/questionnaire-…_data.csv       answers once more, a line a response, with scores; not read
-    back data/states/session-…_data.csv      states of a session; data/network likewise
+    data/questionnaire-…_data.csv       answers again, a line a response, with scores; never read
+    data/states/session-…_data.csv      states of a session; data/network likewise
 
 No more than one session's states is ever in memory.
 """
@@ -26,8 +26,7 @@ import msgspec
 import numpy as np
 
 from experiments.dataset.columns import Column, Columns, columns_of, declared
-from experiments.dataset.files import File, contents
-from experiments.dataset.names import DatasetError, numbers_path, table_path
+from experiments.dataset.files import DatasetError, File, contents, numbers_path, table_path
 from experiments.dataset.records import (
     TABLES,
     AnswerRecord,
@@ -66,7 +65,7 @@ def put(file: File, folder: Path) -> None:
 
 
 def read(folder: Path) -> Dataset:
-    """Return the dataset of a folder; states and network samples are read when they are asked for.
+    """Return the dataset of a folder; states and network samples are read on each call.
 
     Raises:
         DatasetError: a file that is missing or broken.
@@ -101,8 +100,8 @@ def _publication(path: Path) -> PublicationDetails:
 
 
 def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ...]) -> Columns:
-    """Return the states or network samples of a session, by the names of their columns; no file is
-    none, and late columns that an older file lacks are NaN.
+    """Return the states or network samples of a session, which has none without a file. Late
+    columns that an older file lacks are NaN.
 
     Raises:
         DatasetError: other columns than these, or a cell that is no number.
@@ -111,31 +110,26 @@ def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ..
     if not path.exists():
         return columns_of(layout)
     with path.open(encoding="utf-8") as file:
-        names = [*_renamed(file.readline().strip().split(","), layout)]
-        _check(path, names, layout)
+        names = _columns_in(path, file.readline().strip().split(","), layout)
         try:
             found = np.loadtxt(file, delimiter=",", ndmin=2).T
             return columns_of(layout, **dict(zip(names, found, strict=True)))
         except ValueError as error:
-            raise DatasetError(
-                f"{path.name} has a cell that is not a number, or a line that is too "
-                "short or too long"
-            ) from error
+            what = "a cell that is not a number, or a line that is too short or too long"
+            raise DatasetError(f"{path.name} has {what}") from error
 
 
-def _renamed(head: Sequence[str], layout: tuple[Column, ...]) -> Iterator[str]:
-    """Yield the names that the columns of a file have by now."""
+def _columns_in(path: Path, head: Sequence[str], layout: tuple[Column, ...]) -> list[str]:
+    """Return the present names of the columns of a file."""
     old = {column.was: column.name for column in layout if column.was}
-    yield from (old.get(name, name) for name in head)
-
-
-def _check(path: Path, names: Sequence[str], layout: tuple[Column, ...]) -> None:
+    names = [old.get(name, name) for name in head]
     lacking = {column.name for column in layout if not column.late} - set(names)
     if lacking:
         raise DatasetError(f"{path.name} lacks the columns {', '.join(sorted(lacking))}")
     unknown = set(names) - {column.name for column in layout}
     if unknown or len(set(names)) < len(names):
         raise DatasetError(f"{path.name} has unexpected columns: {', '.join(names)[:200]}")
+    return names
 
 
 def _records(folder: Path, name: str) -> tuple[Any, ...]:
@@ -144,12 +138,12 @@ def _records(folder: Path, name: str) -> tuple[Any, ...]:
     found = []
     for row in _rows(folder / table_path(name), layout):
         try:
-            known = ((name, cell) for name, cell in row.items() if name in kinds)
-            found.append(kind(**{name: _value(cell, kinds[name]) for name, cell in known}))
+            # properties of the record are columns too, which are not read
+            known = {name: _value(cell, kinds[name]) for name, cell in row.items() if name in kinds}
+            found.append(kind(**known))
         except (ValueError, TypeError) as error:
-            raise DatasetError(
-                f"{table_path(name)}: {error} in {dict(list(row.items())[:3])}"
-            ) from error
+            some = dict(list(row.items())[:3])
+            raise DatasetError(f"{table_path(name)}: {error} in {some}") from error
     return tuple(found)
 
 
@@ -160,13 +154,11 @@ def _rows(path: Path, layout: tuple[Column, ...]) -> Iterator[dict[str, str]]:
         raise DatasetError(f"{path.name} cannot be read: {error}") from error
     reader = csv.reader(io.StringIO(text, newline=""), strict=True)
     try:
-        names = [*_renamed(next(reader, []), layout)]
-        _check(path, names, layout)
+        names = _columns_in(path, next(reader, []), layout)
         for row in reader:
             if len(row) != len(names):
-                raise DatasetError(
-                    f"{path.name}, line {reader.line_num}: too few or too many cells"
-                )
+                where = f"{path.name}, line {reader.line_num}"
+                raise DatasetError(f"{where}: too few or too many cells")
             yield dict(zip(names, map(unguarded, row), strict=True))
     except csv.Error as error:
         raise DatasetError(f"{path.name}, line {reader.line_num}: {error}") from error

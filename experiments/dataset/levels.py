@@ -185,6 +185,15 @@ UNCOUNTED: Levels = {
     DRAWN_ANEW: "the participant was drawn anew and has a drive that counts in another cell",
     REPEATED: "the study counts another drive of the participant in this condition",
 }
+ATTENTION, SPEEDER, INCOMPLETE = "attention check", "speeder", "incomplete"
+OF_PLATFORM, BY_HAND = "platform fault", "researcher's decision"
+RULES = {
+    ATTENTION: "of the plan: the participant answered an attention check otherwise",
+    SPEEDER: "of the plan: the participant answered a questionnaire too fast",
+    INCOMPLETE: "of the plan: a condition or a questionnaire of the participant is missing",
+    OF_PLATFORM: "the platform ended the session",
+    BY_HAND: "a researcher excluded the session",
+}
 MISSING = {
     **explained(
         Missing,

@@ -14,7 +14,7 @@ from typing import Annotated, Any
 import msgspec
 
 from experiments.dataset import levels
-from experiments.dataset.columns import NO_YES, REQUIRED, Columns, column, described
+from experiments.dataset.columns import NO_YES, REQUIRED, Columns, column, described, measure, word
 from experiments.dataset.levels import PLATFORM, Kind
 from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.publication import PublicationDetails
@@ -23,7 +23,6 @@ from robots.api.floorplan import FloorPlan
 from surveys.definition import Definition
 from surveys.documents import spoken
 
-NAN = float("nan")
 COMPLETED = "completed"
 # The drives that count, and a sensitivity analysis: those and the excluded ones. Both are the names
 # of folders in a report.
@@ -45,10 +44,10 @@ class FreezeRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True
     """When the definition of a study was frozen, and what its site knew then.
 
     `sha256` is that of the definition; `frozen_at` is in UTC, to the minute, and empty for a draft.
-    `before_data` tells whether the first participant of this version came later (None for a draft);
-    when that was is not told, because it would be a date of a person. `earlier` counts the
-    participants of earlier versions who had come before. `deviations` is what researchers wrote
-    about deviations from the plan, `software` the version of the server's software that wrote this.
+    `before_data` tells whether the first participant of this version started later (None for a
+    draft); the time is left out, because it would be a date of a person. `earlier` counts the
+    participants of earlier versions before that. `deviations` is what researchers wrote about
+    deviations from the plan, `software` the version of the server's software that wrote this.
     """
 
     sha256: str
@@ -65,33 +64,26 @@ class ParticipantRecord:
 
     id: str = column(REQUIRED, "code of the participant")
     kind: Kind = column("participant", "who took part", levels=levels.KINDS)
-    age: float = column(
-        NAN, "self-reported age (consent page); empty in a public dataset", "years", least=0.0
+    age: float = measure(
+        "self-reported age (consent page); empty in a public dataset", "years", least=0.0
     )
-    age_band: str = column("", "that, as a range", late=True, levels=levels.AGE_BANDS)
-    cell: str = column("", "assigned condition, or conditions in order", divider="-")
-    first_cell: str = column(
-        "",
+    age_band: str = word("that, as a range", levels.AGE_BANDS, late=True)
+    cell: str = word("assigned condition, or conditions in order", divider="-")
+    first_cell: str = word(
         "cell that was drawn first; another than `cell` where the participant saw nothing of it and"
         " was drawn again",
         late=True,
         divider="-",
     )
     draws: int = column(0, "how often a cell was drawn", late=True, least=0.0)
-    stage: str = column(
-        "", "last stage of the study that was reached", late=True, levels=levels.STAGES
+    stage: str = word("last stage of the study that was reached", levels.STAGES, late=True)
+    place: str = word(
+        "what became of the place in the cell; empty without one", levels.PLACES, late=True
     )
-    place: str = column(
-        "",
-        "what became of the place in the cell; empty without one",
-        late=True,
-        levels=levels.PLACES,
-    )
-    reached: str = column("", "last step of the study that was begun")
-    left: str = column(
-        "",
+    reached: str = word("last step of the study that was begun")
+    left: str = word(
         "why the participant left there; empty if they finished or are still taking part",
-        levels=levels.LEFT,
+        levels.LEFT,
     )
     finished: bool = column(False, "1 when the last step was finished")
     withdrawn: bool = column(False, "1 when the participant withdrew: step and day remain")
@@ -120,105 +112,86 @@ class SessionRecord:
         0, "first, second … condition of the participant in this visit", late=True, least=0.0
     )
     practice: bool = column(False, "1 for practice, which counts nowhere")
-    counts_why: str = column(
-        "", "why it does not count; empty when it does", late=True, levels=levels.UNCOUNTED
-    )
-    site: str = column("", "name of the floor plan")
-    condition: str = column("", "assigned condition")
-    mismatch: str = column(
-        "",
+    counts_why: str = word("why it does not count; empty when it does", levels.UNCOUNTED, late=True)
+    site: str = word("name of the floor plan")
+    condition: str = word("assigned condition")
+    mismatch: str = word(
         "what was not applied as assigned; empty when everything was",
-        levels=levels.MISMATCHES,
+        levels.MISMATCHES,
         divider="|",
     )
-    control_way: str = column(
-        "", "assigned control channel of the commands", levels=levels.CONTROL_WAYS
-    )
-    assist: str = column("", "assigned assistance", levels=levels.ASSISTANCE)
+    control_way: str = word("assigned control channel of the commands", levels.CONTROL_WAYS)
+    assist: str = word("assigned assistance", levels.ASSISTANCE)
     doors_closed: tuple[str, ...] = column(
         (), "doors that were closed; empty when none was", divider="|"
     )
-    control_network: str = column(
-        "",
+    control_network: str = word(
         "assigned impairment of the network towards the robot: delay and jitter in ms, loss and"
-        " reorder in %, rate in kbit/s",
+        " reorder in %, rate in kbit/s"
     )
-    video_network: str = column(
-        "", "assigned impairment of the network back from its camera, likewise"
-    )
-    control_applied: str = column(
-        "", "the impairment towards the robot that it last reported as applied"
-    )
-    video_applied: str = column("", "the impairment back from its camera, likewise")
-    outcome: str = column("", "how the session ended", levels=levels.OUTCOMES)
-    reason: str = column(
-        "",
+    video_network: str = word("assigned impairment of the network back from its camera, likewise")
+    control_applied: str = word("the impairment towards the robot that it last reported as applied")
+    video_applied: str = word("the impairment back from its camera, likewise")
+    outcome: str = word("how the session ended", levels.OUTCOMES)
+    reason: str = word(
         "why; with free text also what an operator wrote; empty: the outcome says it",
-        levels=levels.END_REASONS,
+        levels.END_REASONS,
     )
-    os: str = column(
-        "",
+    os: str = word(
         "operating system of the visitor's device; empty when unknown or withheld",
-        levels=levels.SYSTEM_NAMES,
+        levels.SYSTEM_NAMES,
     )
-    browser: str = column(
-        "",
-        "browser of the visitor's device; empty when unknown or withheld",
-        levels=levels.BROWSER_NAMES,
+    browser: str = word(
+        "browser of the visitor's device; empty when unknown or withheld", levels.BROWSER_NAMES
     )
-    network: str = column("", "hash of the visitor's network, for counting them")
-    first_frame: float = column(
-        NAN,
+    network: str = word("hash of the visitor's network, for counting them")
+    first_frame: float = measure(
         "when the server heard from the page that it showed the first video frame, since the"
         " grant, by the server's clock; exposure and the task's time begin here; empty when the"
         " page never showed one",
         "s",
     )
-    first_motion: float = column(
-        NAN,
+    first_motion: float = measure(
         "when the server first had a state with a velocity of the driver that was applied and"
         " not 0, since the grant, by the server's clock; empty when the driver never moved the"
         " robot",
         "s",
     )
-    ended: float = column(
-        NAN,
+    ended: float = measure(
         "when the session ended, since the grant, by the server's clock; a lost connection or"
         " silent robot ends it when it was lost, not when waiting for it was over",
         "s",
     )
-    began_x: float = column(NAN, "position in the first state; empty when unknown", "m", late=True)
-    began_y: float = column(NAN, "position in the first state; empty when unknown", "m", late=True)
-    began_theta: float = column(
-        NAN, "heading on the map in the first state; empty when unknown", "rad", late=True
+    began_x: float = measure("position in the first state; empty when unknown", "m", late=True)
+    began_y: float = measure("position in the first state; empty when unknown", "m", late=True)
+    began_theta: float = measure(
+        "heading on the map in the first state; empty when unknown", "rad", late=True
     )
-    began_docked: float = column(
-        NAN, "1 when docked in the first state; empty when there is none", late=True, levels=NO_YES
+    began_docked: float = measure(
+        "1 when docked in the first state; empty when there is none", late=True, levels=NO_YES
     )
-    began_charge: float = column(
-        NAN, "share of the battery's charge in the first state; empty when unknown", late=True
+    began_charge: float = measure(
+        "share of the battery's charge in the first state; empty when unknown", late=True
     )
-    ended_x: float = column(NAN, "position in the last state; empty when unknown", "m", late=True)
-    ended_y: float = column(NAN, "position in the last state; empty when unknown", "m", late=True)
-    ended_theta: float = column(
-        NAN, "heading on the map in the last state; empty when unknown", "rad", late=True
+    ended_x: float = measure("position in the last state; empty when unknown", "m", late=True)
+    ended_y: float = measure("position in the last state; empty when unknown", "m", late=True)
+    ended_theta: float = measure(
+        "heading on the map in the last state; empty when unknown", "rad", late=True
     )
-    ended_docked: float = column(
-        NAN, "1 when docked in the last state; empty when there is none", late=True, levels=NO_YES
+    ended_docked: float = measure(
+        "1 when docked in the last state; empty when there is none", late=True, levels=NO_YES
     )
-    ended_charge: float = column(
-        NAN, "share of the battery's charge in the last state; empty when unknown", late=True
+    ended_charge: float = measure(
+        "share of the battery's charge in the last state; empty when unknown", late=True
     )
-    docked_seconds: float = column(
-        NAN,
+    docked_seconds: float = measure(
         "how long the robot had to rest on its charging contacts to be docked; empty where one"
         " state in the station was enough",
         "s",
         late=True,
         least=0.0,
     )
-    dock_contacts: float = column(
-        NAN,
+    dock_contacts: float = measure(
         "how often the charging contacts met after the last checkpoint; 1 is a docking that"
         " held at once; empty without that rule",
         late=True,
@@ -226,19 +199,17 @@ class SessionRecord:
     )
     operator: bool = column(False, "1 when an operator intervened")
     missing: int = column(0, "states that are known to be lost", least=0.0)
-    excluded: str = column("", "why a researcher excluded it; empty when not")
-    fault_side: str = column(
-        "", "whose fault the end was; empty when nobody's", late=True, levels=levels.SIDES
+    excluded: str = word("why a researcher excluded it; empty when not")
+    fault_side: str = word("whose fault the end was; empty when nobody's", levels.SIDES, late=True)
+    fault_part: str = word(
+        "part of the platform that was unavailable then", levels.PARTS, late=True
     )
-    fault_part: str = column(
-        "", "part of the platform that was unavailable then", late=True, levels=levels.PARTS
-    )
-    server_version: str = column("", levels.VERSIONED["server"], late=True)
-    agent_version: str = column("", levels.VERSIONED["agent"], late=True)
-    adapter_version: str = column("", levels.VERSIONED["adapter"], late=True)
-    driver_version: str = column("", levels.VERSIONED["driver"], late=True)
-    metrics_version: str = column("", levels.VERSIONED["metrics"], late=True)
-    definition_version: str = column("", levels.VERSIONED["definition"], late=True)
+    server_version: str = word(levels.VERSIONED["server"], late=True)
+    agent_version: str = word(levels.VERSIONED["agent"], late=True)
+    adapter_version: str = word(levels.VERSIONED["adapter"], late=True)
+    driver_version: str = word(levels.VERSIONED["driver"], late=True)
+    metrics_version: str = word(levels.VERSIONED["metrics"], late=True)
+    definition_version: str = word(levels.VERSIONED["definition"], late=True)
 
     @property
     def counts(
@@ -298,9 +269,8 @@ class PageRecord:
 
     participant: str = column(REQUIRED, "who saw the page")
     step: str = column(REQUIRED, "step of the study")
-    session: str = column("", "session that it belongs to, if any")
-    seconds: float = column(
-        NAN,
+    session: str = word("session that it belongs to, if any")
+    seconds: float = measure(
         "from its first display until the participant continued, by the server's clock; empty"
         " when it was not finished",
         "s",
@@ -319,11 +289,10 @@ class AnswerRecord:
     participant: str = column(REQUIRED, "who answered")
     session: str = column(REQUIRED, "session that it was asked about, if any")
     finished: bool = column(REQUIRED, "1 when it was submitted")
-    item: str = column("", "question")
-    value: str = column("", "JSON: what was answered; empty when nothing was")
-    missing: str = column("", "why there is no value", levels=levels.MISSING)
-    seconds: float = column(
-        NAN,
+    item: str = word("question")
+    value: str = word("JSON: what was answered; empty when nothing was")
+    missing: str = word("why there is no value", levels.MISSING)
+    seconds: float = measure(
         "time spent on the question, by the page's clock; at most the time since the"
         " questionnaire was opened, by the server's",
         "s",
@@ -358,12 +327,7 @@ class ResponseRecord:
     def answers(self) -> Iterator[AnswerRecord]:
         """Yield its items as rows; without items, one row."""
         about = AnswerRecord(
-            self.id,
-            self.questionnaire,
-            self.version,
-            self.participant,
-            self.session,
-            self.finished,
+            self.id, self.questionnaire, self.version, self.participant, self.session, self.finished
         )
         for item in dict.fromkeys((*self.values, *self.missing)) or [""]:
             value = self.values.get(item)
@@ -372,7 +336,7 @@ class ResponseRecord:
                 item=item,
                 value="" if value is None else json.dumps(value, ensure_ascii=False),
                 missing=self.missing.get(item, ""),
-                seconds=self.seconds.get(item, NAN),
+                seconds=self.seconds.get(item, math.nan),
             )
 
     @classmethod
@@ -401,21 +365,15 @@ NO_PUBLICATION = PublicationDetails()
 
 @dataclass(frozen=True)
 class PlanExclusion:
-    """One reason to leave out a participant, or one session of theirs.
+    """A row of the exclusions: one reason to leave out a participant, or one session of theirs."""
 
-    Attributes:
-        participant: their code.
-        rule: its name.
-        value: what was found, in words.
-        session: the session's code; empty when the participant is excluded.
-        is_planned: whether the plan has the rule.
-    """
-
-    participant: str
-    rule: str
-    value: str
-    session: str = ""
-    is_planned: bool = True
+    participant: str = column(REQUIRED, "who is excluded")
+    session: str = column(
+        REQUIRED, "session that is excluded; empty: the participant with all sessions"
+    )
+    rule: str = column(REQUIRED, "rule that excludes them", levels=levels.RULES)
+    value: str = column(REQUIRED, "what was found")
+    planned: bool = column(True, "1 when the plan of the study has the rule")
 
 
 @dataclass(frozen=True)

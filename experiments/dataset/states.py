@@ -1,13 +1,12 @@
 """The columns of states and network samples. A column that is a field of the stored message is
-declared on that field; one that is computed from a state's commands, with its formula.
+declared on that field.
 
-What these classes read is what leaves of the messages in a pseudonymous dataset
+A pseudonymous dataset has of these messages what the classes read, and nothing else
 (experiments/extraction/allow_list.py).
 """
 
 import math
-from collections.abc import Callable, Iterable, Sequence
-from functools import cached_property, partial
+from collections.abc import Iterable, Sequence
 from operator import attrgetter
 from typing import Annotated, Any
 
@@ -56,13 +55,13 @@ class StoredPart(msgspec.Struct, gc=False, rename="camel"):
 
 
 class StoredPose(StoredPart):
-    """Where the robot was."""
-
     x: Annotated[float, described("position on the map", "m")]
     y: Annotated[float, described("position on the map", "m")]
     theta: Annotated[
         float,
-        described("heading on the map, counter-clockwise from x", "rad").within(-math.pi, math.pi),
+        described(
+            "heading on the map, counter-clockwise from x", "rad", least=-math.pi, greatest=math.pi
+        ),
     ]
     localized: Annotated[bool, described("1 when the robot trusts its position")] = True
     score: Annotated[float, amount("localization confidence", greatest=1.0)] = 1.0
@@ -76,8 +75,6 @@ class StoredVelocity(StoredPart):
 
 
 class StoredBattery(StoredPart):
-    """How much charge the robot had."""
-
     charge: Annotated[Known, amount("share of the battery's charge", greatest=1.0)] = None
     charging: Annotated[bool | None, described("1 while charging")] = False
 
@@ -97,8 +94,6 @@ class StoredCommand(StoredPart):
 
 
 class StoredState(StoredPart):
-    """A state."""
-
     stamp: float
     seq: int
     pose: StoredPose
@@ -147,6 +142,45 @@ class StoredSample(StoredPart):
 
 # --- computed columns -----------------------------------------------------------------------------
 
+OF_COMMANDS = (
+    Column(
+        "mode",
+        "",
+        "what moves the robot, by number",
+        levels={str(number): name for name, number in _MODE.items()},
+    ),
+    amount_of("commands", "", "commands applied since the previous state"),
+    amount_of("refused", "", "commands refused since the previous state"),
+    Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),
+    Column("age_max", "s", "greatest age among them"),
+    Column(
+        "answer_age",
+        "s",
+        "mean age, when they were applied, of the video frames that they answered",
+    ),
+    *(amount_of(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
+    *(amount_of(f"on_{way}", "", f"how many of them came on: {way}") for way in WAYS),
+    amount_of(
+        "too_old",
+        "",
+        "commands refused since the previous state because they, or the video frames that they "
+        "answered, were too old",
+        late=True,
+    ),
+    amount_of(
+        "slowed",
+        "",
+        "commands applied since the previous state that the robot slowed down because of such "
+        "an age; empty when the robot does not report it",
+        late=True,
+    ),
+    *(
+        Column(f"{series}_{part}", unit, f"mean {what} of the commands applied {words}", late=True)
+        for series, words in SERIES.items()
+        for part, unit, what in (("linear", "m/s", "speed"), ("angular", "rad/s", "turn rate"))
+    ),
+)
+
 
 class StateBatch:
     """Some states and all their commands: values by command are combined into one by state, (n,).
@@ -155,29 +189,44 @@ class StateBatch:
     """
 
     def __init__(self, states: Sequence[StoredState]) -> None:
-        self.states = states
-        self.commands = [command for state in states for command in state.applied]
+        self._states = states
+        self._commands = [command for state in states for command in state.applied]
         counts = [len(state.applied) for state in states]
-        self.counts = np.array(counts, dtype=np.float64)
+        self._counts = np.array(counts, dtype=np.float64)
         self._owner = np.repeat(np.arange(len(states)), counts)
 
-    @cached_property
-    def methods(self) -> list[str]:
-        """The input method of each command."""
-        return [command.method for command in self.commands]
-
-    @cached_property
-    def ways(self) -> list[str]:
-        """The control channel of each command."""
-        return [command.way for command in self.commands]
+    def columns(self) -> dict[str, npt.ArrayLike]:
+        """Return OF_COMMANDS by name."""
+        ages = read(self._commands, "age")
+        methods = [command.method for command in self._commands]
+        ways = [command.way for command in self._commands]
+        return {
+            "mode": [_MODE.get(state.mode, NAN) for state in self._states],
+            "commands": self._counts,
+            "refused": [sum(state.refused.values()) for state in self._states],
+            "age_sum": self.sum(ages),
+            "age_max": self.greatest(ages),
+            "answer_age": self.mean_of_known(read(self._commands, "frame_age")),
+            **{f"by_{method}": self.count(methods, method) for method in METHODS},
+            **{f"on_{way}": self.count(ways, way) for way in WAYS},
+            "too_old": [
+                sum(state.refused.get(reason, 0) for reason in TOO_OLD) for state in self._states
+            ],
+            "slowed": self.sum([_is_slowed(command) for command in self._commands]),
+            **{
+                f"{series}_{part}": self.mean_velocity(series, part)
+                for series in SERIES
+                for part in ("linear", "angular")
+            },
+        }
 
     def sum(self, values: npt.ArrayLike) -> Floats:
         """Add up values by command; 0 where a state has none."""
-        return _floats(np.bincount(self._owner, _floats(values), len(self.states)))
+        return _floats(np.bincount(self._owner, _floats(values), len(self._states)))
 
     def mean(self, values: npt.ArrayLike) -> Floats:
         """Return means; NaN where a state has no commands."""
-        return self.sum(values) / np.where(self.counts > 0.0, self.counts, NAN)
+        return self.sum(values) / np.where(self._counts > 0.0, self._counts, NAN)
 
     def mean_of_known(self, values: npt.ArrayLike) -> Floats:
         """Return means over the commands that have a value."""
@@ -187,119 +236,33 @@ class StateBatch:
 
     def greatest(self, values: npt.ArrayLike) -> Floats:
         """Return maxima; NaN where a state has no commands."""
-        found = np.full(len(self.states), NAN)
+        found = np.full(len(self._states), NAN)
         np.fmax.at(found, self._owner, _floats(values))
         return found
+
+    def count(self, words: Sequence[str], word: str) -> Floats:
+        """Count the commands with a word, fast where they all have it, as in most drives."""
+        kinds = set(words)
+        if kinds == {word}:
+            return self._counts
+        if word not in kinds:
+            return np.zeros(len(self._states))
+        return self.sum([one == word for one in words])
 
     def mean_velocity(self, series: str, part: str) -> Floats:
         """Return the mean of a velocity of SERIES: its part `linear` or `angular`."""
         if series == "applied":
-            return self.mean(read(self.commands, part))
-        given = (getattr(command, series) for command in self.commands)
+            return self.mean(read(self._commands, part))
+        given = (getattr(command, series) for command in self._commands)
         return self.mean([NAN if one is None else getattr(one, part) for one in given])
-
-    def slowed(self) -> Floats:
-        """Count the commands that requested more than their age left of them."""
-        return self.sum([_is_slowed(command) for command in self.commands])
 
 
 def _is_slowed(command: StoredCommand) -> float:
+    """Return 1 for a command that requested more than its age left of it, NaN when unknown."""
     if command.asked is None or command.allowed is None or command.share is None:
         return NAN
     return float(command.share < 1.0 and command.allowed != command.asked)
 
-
-def _count(batch: StateBatch, names: str, name: str) -> Floats:
-    known = getattr(batch, names)
-    kinds = set(known)
-    if kinds == {name}:  # as in most drives
-        return batch.counts
-    if name not in kinds:
-        return np.zeros(len(batch.states))
-    return batch.sum([one == name for one in known])
-
-
-def _refused(batch: StateBatch, reasons: Sequence[str] = ()) -> list[int]:
-    return [
-        sum(count for reason, count in state.refused.items() if not reasons or reason in reasons)
-        for state in batch.states
-    ]
-
-
-Formula = Callable[[StateBatch], npt.ArrayLike]
-OF_COMMANDS: tuple[tuple[Column, Formula], ...] = (
-    (
-        Column("mode", "", "what moves the robot, by number").one_of(
-            {str(number): name for name, number in _MODE.items()}
-        ),
-        lambda batch: [_MODE.get(state.mode, NAN) for state in batch.states],
-    ),
-    (
-        amount_of("commands", "", "commands applied since the previous state"),
-        lambda batch: batch.counts,
-    ),
-    (amount_of("refused", "", "commands refused since the previous state"), _refused),
-    (
-        Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),
-        lambda batch: batch.sum(read(batch.commands, "age")),
-    ),
-    (
-        Column("age_max", "s", "greatest age among them"),
-        lambda batch: batch.greatest(read(batch.commands, "age")),
-    ),
-    (
-        Column(
-            "answer_age",
-            "s",
-            "mean age, when they were applied, of the video frames that they answered",
-        ),
-        lambda batch: batch.mean_of_known(read(batch.commands, "frame_age")),
-    ),
-    *(
-        (
-            amount_of(f"by_{method}", "", f"how many of them came from: {method}"),
-            partial(_count, names="methods", name=method),
-        )
-        for method in METHODS
-    ),
-    *(
-        (
-            amount_of(f"on_{way}", "", f"how many of them came on: {way}"),
-            partial(_count, names="ways", name=way),
-        )
-        for way in WAYS
-    ),
-    (
-        amount_of(
-            "too_old",
-            "",
-            "commands refused since the previous state because they, or the video frames that they "
-            "answered, were too old",
-            late=True,
-        ),
-        partial(_refused, reasons=TOO_OLD),
-    ),
-    (
-        amount_of(
-            "slowed",
-            "",
-            "commands applied since the previous state that the robot slowed down because of such "
-            "an age; empty when the robot does not report it",
-            late=True,
-        ),
-        StateBatch.slowed,
-    ),
-    *(
-        (
-            Column(
-                f"{series}_{part}", unit, f"mean {what} of the commands applied {words}", late=True
-            ),
-            partial(StateBatch.mean_velocity, series=series, part=part),
-        )
-        for series, words in SERIES.items()
-        for part, unit, what in (("linear", "m/s", "speed"), ("angular", "rad/s", "turn rate"))
-    ),
-)
 
 STATES = (
     Column(
@@ -318,7 +281,7 @@ STATES = (
     amount_of("boot", "", "run of the robot's agent: 0 for the session's first"),
     amount_of("seq", "", "number of the state within the run, from the session's first"),
     *declared(StoredState),
-    *(column for column, _ in OF_COMMANDS),
+    *OF_COMMANDS,
 )
 NETWORK = (
     Column(
@@ -337,10 +300,8 @@ def state_columns(states: Sequence[StoredState], **known: npt.ArrayLike) -> Colu
     """Return states as STATES; `known` are the columns that depend on when the robot was granted
     and on the run of its agent.
     """
-    batch = StateBatch(states)
     fields = {column.name: read(states, path) for path, column in column_paths(StoredState)}
-    computed = {column.name: formula(batch) for column, formula in OF_COMMANDS}
-    return _rounded(columns_of(STATES, **known, **fields, **computed))
+    return _rounded(columns_of(STATES, **known, **fields, **StateBatch(states).columns()))
 
 
 def network_columns(samples: Sequence[StoredSample], stamp: npt.ArrayLike) -> Columns:

@@ -6,20 +6,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
-from experiments.deposit.repository import (
-    DepositDraft,
-    DepositError,
-    Record,
-    Repository,
-    StoredFile,
-    Tell,
-)
+from experiments.deposit import repository as base
+from experiments.deposit.repository import DepositDraft, DepositError, Record, StoredFile, Tell
 
 JSON_API = "application/vnd.api+json"
 STORAGE = "osfstorage"
 
 
-class Osf(Repository):
+class Osf(base.Repository):
     title = "OSF"
     home = "https://api.osf.io/v2"
     sandbox = "https://api.test.osf.io/v2"
@@ -36,9 +30,8 @@ class Osf(Repository):
     def update(self, draft: DepositDraft, record: Record) -> None:
         address = f"{self.address}/nodes/{quote(draft.id)}/"
         if self.ask("GET", address)["data"]["attributes"]["public"]:
-            raise DepositError(
-                f"The project {draft.url} is public. Use --new to begin another one."
-            )
+            text = f"The project {draft.url} is public. Use --new to begin another one."
+            raise DepositError(text)
         data = {"type": "nodes", "id": draft.id, "attributes": _attributes(record)}
         self.ask("PATCH", address, {"data": data}, JSON_API)
 
@@ -54,7 +47,6 @@ class Osf(Repository):
         return _stored(self.put(f"{address}?{query}", path, tell)["data"])
 
     def _storage(self, draft: DepositDraft) -> str:
-        """Return the address for files, which is in the project's answer."""
         address = f"{self.address}/nodes/{quote(draft.id)}/files/"
         for one in self.ask("GET", address)["data"]:
             if one["attributes"]["provider"] == STORAGE:
@@ -69,8 +61,8 @@ def _stored(found: dict[str, Any]) -> StoredFile:
 
 
 def _attributes(record: Record) -> dict[str, Any]:
-    """Return the attributes of a project. The OSF has numbers of its own for authors and licences,
-    so ours are part of the description.
+    """Return the attributes of a project. The OSF refers to authors and licences by its own ids, so
+    these are part of the description.
     """
     details = record.details
     labelled = {

@@ -1,7 +1,7 @@
 """A repository: drafts that their owner publishes, and their files.
 
 Requests carry the depositor's token, which is sent to that repository alone: over HTTPS, never to
-the target of a redirection, and into no message.
+the target of a redirection, and in no message.
 """
 
 import http.client
@@ -17,7 +17,6 @@ from urllib.request import HTTPRedirectHandler, Request, build_opener
 
 from experiments.definition.publication import PublicationDetails
 
-MOST_NAME = 255  # characters of the name of a file, in both repositories
 TIMEOUT_S = 60.0  # without a byte
 PART = 1 << 20
 LOOPBACK = frozenset({"localhost", "127.0.0.1", "::1"})
@@ -35,6 +34,7 @@ REFUSALS = {
     507: NO_SPACE,
 }
 Tell = Callable[[str], None]
+Headers = dict[str, str]
 
 
 class DepositError(RuntimeError):
@@ -42,13 +42,11 @@ class DepositError(RuntimeError):
 
 
 class NotThereError(DepositError):
-    """The requested thing does not exist, or no longer."""
+    """The requested object does not exist, or no longer."""
 
 
 @dataclass(frozen=True)
 class Record:
-    """The description of the dataset."""
-
     title: str
     description: str
     details: PublicationDetails
@@ -64,12 +62,12 @@ class DepositDraft:
 
 @dataclass(frozen=True)
 class StoredFile:
-    """A file in a draft; `address` is that for a new version of it."""
+    """A file in a draft; `address` is that of a new version, where the repository has one."""
 
     name: str
     size: int
     md5: str
-    address: str
+    address: str = ""
 
 
 class _NoRedirects(HTTPRedirectHandler):
@@ -126,25 +124,19 @@ class Repository(ABC):
     def ask(
         self, method: str, address: str, body: Any = None, kind: str = "application/json"
     ) -> Any:
-        """Send JSON, and return the JSON of the answer; None where there is none.
+        """Send JSON, and return the JSON of the answer; None for an empty answer.
 
         Raises:
-            NotThereError: there is no such thing.
-            DepositError: it was refused, or the connection is lost.
+            NotThereError: the repository has no such object.
+            DepositError: it was refused, or the connection was lost.
         """
         data = None if body is None else json.dumps(body).encode()
         return self._send(method, address, data, {} if data is None else {"Content-Type": kind})
 
     def put(self, address: str, path: Path, tell: Tell) -> Any:
-        """Send a file as it is read, and return the JSON of the answer.
-
-        Raises:
-            DepositError: as `ask`.
-        """
-        headers = {
-            "Content-Type": "application/octet-stream",
-            "Content-Length": str(path.stat().st_size),
-        }
+        """Send a file as it is read, and return the JSON of the answer; raises as `ask` does."""
+        headers = {"Content-Type": "application/octet-stream"}
+        headers["Content-Length"] = str(path.stat().st_size)
         return self._send("PUT", address, _parts(path, tell), headers)
 
     def _check(self, address: str) -> None:
@@ -152,17 +144,12 @@ class Repository(ABC):
         host = other.hostname or ""
         is_own = host == own.hostname or (self.domain and f".{host}".endswith(f".{self.domain}"))
         if not is_own or not (other.scheme == "https" or host in LOOPBACK):
-            raise DepositError(
-                f"The token is only sent to {own.hostname} over HTTPS, not to "
-                f"{other.scheme}://{host}."
-            )
+            target = f"{other.scheme}://{host}"
+            text = f"The token is only sent to {own.hostname} over HTTPS, not to {target}."
+            raise DepositError(text)
 
     def _send(
-        self,
-        method: str,
-        address: str,
-        data: bytes | Iterable[bytes] | None,
-        headers: dict[str, str],
+        self, method: str, address: str, data: bytes | Iterable[bytes] | None, headers: Headers
     ) -> Any:
         self._check(address)
         own = {"Authorization": f"Bearer {self._token}", "Accept": "application/json"}
@@ -193,7 +180,7 @@ class Repository(ABC):
 
 
 def _parts(path: Path, tell: Tell) -> Iterator[bytes]:
-    """Yield the parts of a file as they are sent; each tenth of a large one is reported."""
+    """Yield the parts of a file, and report each tenth of a large one."""
     size, sent, tenth = path.stat().st_size, 0, 0
     with path.open("rb") as file:
         while part := file.read(PART):
@@ -209,7 +196,7 @@ def megabytes(size: int) -> str:
 
 
 def _text_of(error: HTTPError) -> str:
-    """Return the message of a refusal, and what is wrong with which field."""
+    """Return the message of a refusal, and the problem of each field."""
     try:
         found = json.loads(error.read())
     except (ValueError, OSError):

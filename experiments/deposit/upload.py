@@ -1,5 +1,5 @@
-"""A deposit: a draft is made or found again, and each file is sent unless it is there, and compared
-by size and checksum with what the repository has.
+"""A deposit: a new draft or that of an earlier run, to which each file is sent unless it has it
+already; size and checksum are compared with those in the repository.
 """
 
 from collections.abc import Mapping
@@ -10,7 +10,6 @@ from pathlib import Path
 from experiments.definition.publication import is_address
 from experiments.deposit.osf import Osf
 from experiments.deposit.repository import (
-    MOST_NAME,
     DepositDraft,
     DepositError,
     NotThereError,
@@ -21,6 +20,7 @@ from experiments.deposit.repository import (
 )
 from experiments.deposit.zenodo import Zenodo
 
+MAX_NAME = 255  # characters of the name of a file, in both repositories
 REPOSITORIES: Mapping[str, type[Repository]] = {"osf": Osf, "zenodo": Zenodo}
 
 
@@ -53,34 +53,28 @@ def draft_of(
 def upload_all(
     repository: Repository, draft: DepositDraft, files: Mapping[str, Path], tell: Tell
 ) -> None:
-    """Send files by the names that they have there.
+    """Send files by the names that they have in the repository.
 
     Raises:
-        DepositError: one was refused or has not arrived as it is here; those before are there.
+        DepositError: one was refused or arrived with a difference; those before it are stored.
     """
     for name in files:
-        if len(name) > MOST_NAME:
-            raise DepositError(f"{name[:40]}… is longer than {MOST_NAME} characters.")
+        if len(name) > MAX_NAME:
+            raise DepositError(f"{name[:40]}… is longer than {MAX_NAME} characters.")
     there = repository.files(draft)
     for name, path in files.items():
-        size, checksum = path.stat().st_size, _checksum_of(path)
+        with path.open("rb") as file:
+            checksum = file_digest(file, partial(md5, usedforsecurity=False)).hexdigest()
+        size = path.stat().st_size
         known = there.get(name)
         if known is not None and (known.size, known.md5) == (size, checksum):
             tell(f"{name}: already there, {megabytes(size)}")
             continue
         stored = repository.upload(draft, name, path, tell)
         if stored.size != size:
-            raise DepositError(
-                f"{name} has {stored.size} bytes there and {size} here. Run it again to replace it."
-            )
+            text = f"{name} has {stored.size} bytes there and {size} here."
+            raise DepositError(f"{text} Run it again to replace it.")
         if stored.md5 != checksum:
-            raise DepositError(
-                f"{name} has a different checksum there. Run it again to replace it."
-            )
+            text = f"{name} has a different checksum there. Run it again to replace it."
+            raise DepositError(text)
         tell(f"{name}: {'replaced' if known else 'sent'} and compared, {megabytes(size)}")
-
-
-def _checksum_of(path: Path) -> str:
-    """Return the MD5 of a file, by which both repositories compare."""
-    with path.open("rb") as file:
-        return file_digest(file, partial(md5, usedforsecurity=False)).hexdigest()

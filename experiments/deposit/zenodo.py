@@ -2,25 +2,19 @@
 request that publishes is left out.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from html import escape
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from experiments.deposit.repository import (
-    DepositDraft,
-    DepositError,
-    Record,
-    Repository,
-    StoredFile,
-    Tell,
-)
+from experiments.deposit import repository as base
+from experiments.deposit.repository import DepositDraft, DepositError, Record, StoredFile, Tell
 
-OWN_DOI = "10.5281/"  # Zenodo's own, which it gives itself
+OWN_DOI = "10.5281/"  # of the DOIs that Zenodo assigns
 
 
-class Zenodo(Repository):
+class Zenodo(base.Repository):
     title = "Zenodo"
     home = "https://zenodo.org/api"
     sandbox = "https://sandbox.zenodo.org/api"
@@ -41,43 +35,36 @@ class Zenodo(Repository):
 
     def update(self, draft: DepositDraft, record: Record) -> None:
         if self._found(draft).get("submitted"):
-            raise DepositError(
-                f"The dataset was published at {draft.url}. Use --new to begin another draft."
-            )
+            text = f"The dataset was published at {draft.url}. Use --new to begin another draft."
+            raise DepositError(text)
         self.ask("PUT", self._address(draft), {"metadata": metadata(record)})
 
     def files(self, draft: DepositDraft) -> dict[str, StoredFile]:
-        found = self._found(draft)
         return {
-            one["filename"]: _stored(found, one["filename"], one["filesize"], one["checksum"])
-            for one in found.get("files", ())
+            one["filename"]: _stored(one["filename"], one["filesize"], one["checksum"])
+            for one in self._found(draft).get("files", ())
         }
 
     def upload(self, draft: DepositDraft, name: str, path: Path, tell: Tell) -> StoredFile:
-        draft_now = self._found(draft)
-        found = self.put(_address_of(draft_now, name), path, tell)
-        return _stored(draft_now, found["key"], found["size"], found["checksum"])
+        bucket = self._found(draft)["links"]["bucket"]
+        found = self.put(f"{bucket}/{quote(name)}", path, tell)
+        return _stored(found["key"], found["size"], found["checksum"])
 
     def _found(self, draft: DepositDraft) -> dict[str, Any]:
         found: dict[str, Any] = self.ask("GET", self._address(draft))
         return found
 
     def _address(self, draft: DepositDraft | None = None) -> str:
-        base = f"{self.address}/deposit/depositions"
-        return f"{base}/{quote(draft.id)}" if draft else base
+        every = f"{self.address}/deposit/depositions"
+        return f"{every}/{quote(draft.id)}" if draft else every
 
 
-def _address_of(draft: Mapping[str, Any], name: str) -> str:
-    return f"{draft['links']['bucket']}/{quote(name)}"
-
-
-def _stored(draft: Mapping[str, Any], name: str, size: Any, checksum: str) -> StoredFile:
-    md5 = checksum.removeprefix("md5:")
-    return StoredFile(name, int(size), md5, _address_of(draft, name))
+def _stored(name: str, size: Any, checksum: str) -> StoredFile:
+    return StoredFile(name, int(size), checksum.removeprefix("md5:"))
 
 
 def metadata(record: Record) -> dict[str, Any]:
-    """Return the metadata of a deposition. Zenodo has numbers of its own for funders, so ours are
+    """Return the metadata of a deposition. Zenodo refers to funders by its own ids, so these are
     part of the notes.
     """
     details = record.details

@@ -8,40 +8,27 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 
 from experiments.dataset.records import Dataset
+from experiments.export.format import text_of
 from experiments.extraction.people import asks_for_sharing
 
 FEW = 5  # in a smaller group, a participant may be recognized
-ABOUT = """
-## Anonymity
-
-This dataset is public.{left_out}
-
-Ages are ranges. It has no free text, no photos, no devices,
-browsers and networks, and of questions about the person only answers that were chosen from a list.
-
-The smallest group of participants who are alike in what an acquaintance may know of them is k:
-
-| Alike in | k | Participants in groups of fewer than {few} |
-| --- | --- | --- |
-{rows}
-"""
 
 
 def anonymity(dataset: Dataset, left_out: int) -> str:
-    """Return what the README of a public dataset tells of it; `left_out` participants did not agree
-    to be in it.
+    """Return the part of the README of a public dataset that `left_out` participants did not agree
+    to be in.
     """
-    people = known_of(dataset)
+    people = _known_of(dataset)
     names = list(next(iter(people.values()), {}))
     sets = [names[:1], *([names[0], name] for name in names[1:]), names]
     rows = [_row(people, some) for some in dict.fromkeys(map(tuple, sets)) if some]
     others = f" {left_out} participants did not agree to be in it."
     if not asks_for_sharing(dataset.study):
         others = " The consent did not ask whether the data may be published."
-    return ABOUT.format(few=FEW, left_out=others, rows="\n".join(rows))
+    return text_of("anonymity.md").format(few=FEW, left_out=others, rows="\n".join(rows))
 
 
-def known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
+def _known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
     """Return what may be known of each participant: the range of their age, and what they chose
     from lists in questions about the person, by column.
     """
@@ -70,18 +57,11 @@ def known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
     return found
 
 
-def smallest_groups(
-    people: Mapping[str, Mapping[str, str]], names: Sequence[str]
-) -> tuple[int, int]:
-    """Return the size of the smallest group of people alike in these columns, and how many people
-    are in groups of fewer than FEW; (0, 0) without people.
-    """
-    groups = Counter(tuple(one[name] for name in names) for one in people.values())
-    sizes = groups.values()
-    return min(sizes, default=0), sum(size for size in sizes if size < FEW)
-
-
 def _row(people: Mapping[str, Mapping[str, str]], names: Sequence[str]) -> str:
-    k, few = smallest_groups(people, names)
+    """Return the size of the smallest group of participants who are alike in these columns, and the
+    number of participants in groups of fewer than FEW.
+    """
+    sizes = Counter(tuple(one[name] for name in names) for one in people.values()).values()
+    few = sum(size for size in sizes if size < FEW)
     alike = ", ".join(names) if len(names) <= 2 else "all of these"
-    return f"| {alike} | {k} | {few} of {len(people)} |"
+    return f"| {alike} | {min(sizes, default=0)} | {few} of {len(people)} |"

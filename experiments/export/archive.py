@@ -4,15 +4,15 @@ import zipfile
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from experiments.export.format import File
+File = tuple[str, Iterable[bytes]]  # a path, and the content in parts
 
-# No file has the time at which it was made: the same study gives the same archive.
+# Files have no time of their own, so that the same study gives the same archive.
 SAME_DAY = (1980, 1, 1, 0, 0, 0)
 LEVEL = 4
 
 
 class _Sink:
-    """What an archive writes into: it has no position, so that the archive never goes back."""
+    """A file without a position, so that the archive only appends."""
 
     def __init__(self) -> None:
         self._parts: list[bytes] = []
@@ -22,10 +22,10 @@ class _Sink:
         return len(data)
 
     def flush(self) -> None:
-        """Nothing is held back."""
+        """Do nothing: `taken` returns everything at once."""
 
     def taken(self) -> bytes:
-        """Return what was written since."""
+        """Return the bytes written since the last call."""
         found, self._parts = b"".join(self._parts), []
         return found
 
@@ -33,12 +33,8 @@ class _Sink:
 def zipped(files: Iterable[File]) -> Iterator[bytes]:
     """Yield a ZIP archive of files, as they are made."""
     sink = _Sink()
-    with zipfile.ZipFile(
-        sink,  # type: ignore[call-overload]
-        "w",
-        zipfile.ZIP_DEFLATED,
-        compresslevel=LEVEL,
-    ) as archive:
+    options = {"compression": zipfile.ZIP_DEFLATED, "compresslevel": LEVEL}
+    with zipfile.ZipFile(sink, "w", **options) as archive:  # type: ignore[call-overload]
         for name, parts in files:
             about = zipfile.ZipInfo(name, SAME_DAY)
             about.compress_type = zipfile.ZIP_DEFLATED

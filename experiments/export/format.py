@@ -1,28 +1,36 @@
-"""What every format of an export is made of. A format is one file in experiments/export/formats/
-with one subclass of `ExportFormat`, found by name.
+"""The base of the formats of an export: each is one file in experiments/export/formats/ with one
+subclass of `ExportFormat`, found by name.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import ClassVar
+from pathlib import Path
+from typing import Any, ClassVar
 
 from django.utils.functional import Promise
 
 from experiments.access import Role
 from experiments.analysis.metrics.sessions import Measured
 from experiments.dataset.columns import Column
+from experiments.dataset.files import table
 from experiments.dataset.records import Dataset, SessionRecord
 from experiments.extraction.forms import Release
 from experiments.extraction.selection import Selection
 from experiments.models import Drive
 
-File = tuple[str, Iterable[bytes]]  # where in the export, and its content in parts
+# A path in the export, and the content in parts.
+File = tuple[str, Iterable[str | bytes]]
+
+
+def text_of(name: str) -> str:
+    """Return a text of an export, before its fields are filled in."""
+    return Path(__file__).with_name("texts").joinpath(name).read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
 class ExportSource:
-    """What is exported: `drives` are those of the dataset's sessions, in their order; `more` are
-    the columns of all tables beside those of a dataset, for the code book. `measured` has the
+    """The data of an export: `drives` are those of the dataset's sessions, in their order; `more`
+    are the columns of all tables beside those of a dataset, for the code book. `measured` has the
     numbers of the sessions so far, without segments and positions.
     """
 
@@ -32,12 +40,16 @@ class ExportSource:
     more: Mapping[str, tuple[Column, ...]]
     measured: dict[str, Measured] = field(default_factory=dict)
 
+    def table(self, name: str, rows: Iterable[Sequence[Any]]) -> File:
+        """Return rows of values, in the order of the table's columns, as a file."""
+        return table(name, rows, self.more[name])
+
 
 class ExportFormat:
     """Files of one kind: some for the whole study, some for each session, and the last ones."""
 
-    # What the page and the command say of it, and who may ask for it; every export has a format
-    # without a label.
+    # The text of the page and of the command about it, and who may request it; every export has a
+    # format without a label.
     label: ClassVar[str | Promise] = ""
     help: ClassVar[str] = ""
     least: ClassVar[Role] = "viewer"
@@ -47,7 +59,7 @@ class ExportFormat:
 
     @classmethod
     def is_in(cls, name: str, choice: Selection) -> bool:
-        """Tell whether an export has it: always, or when it was asked for by its name."""
+        """Tell whether an export has it: always, or when it was requested by its name."""
         return not cls.label or name in choice.formats
 
     @classmethod
@@ -73,9 +85,3 @@ class ExportFormat:
     def at_last(self) -> Iterator[File]:
         """Yield the files that are known only after all sessions."""
         yield from ()
-
-
-def encoded(files: Iterable[tuple[str, Iterable[str]]]) -> Iterator[File]:
-    """Yield files of text as they are written."""
-    for name, parts in files:
-        yield name, (part.encode() for part in parts)

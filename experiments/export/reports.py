@@ -1,4 +1,4 @@
-"""Where reports on studies are stored, and how far the computation of one is."""
+"""The folders of reports on studies, and the progress of the computation of one."""
 
 import os
 import shutil
@@ -19,7 +19,6 @@ INTERVAL_S, LIMIT_S = 1.0, 3600.0
 
 
 def home(study: Study) -> Path:
-    """Return where the reports on a study are."""
     return Path(settings.VAR_DIR) / "analysis" / str(study.pk)
 
 
@@ -29,7 +28,7 @@ def forget(study: Study) -> None:
 
 
 class ReportProgress(msgspec.Struct, frozen=True):
-    """How many of the sessions were measured and how many files written, after so many seconds."""
+    """Sessions measured of all `sessions`, and files written, after so many seconds."""
 
     measured: int
     sessions: int

@@ -1,16 +1,16 @@
-"""What may leave in a pseudonymous dataset: of each kind of event and message each field, and in
-which form (experiments/extraction/forms.py).
+"""The contents of a pseudonymous dataset: the fields of each kind of event and message, with their
+forms (experiments/extraction/forms.py).
 
-What is not listed here does not leave. Whoever adds a kind of message, of event, or a field to one,
-decides here: `withheld` keeps it back, and
-tests/unit/experiments/extraction/test_allow_list.py fails until there is an entry. Ids leave as
-pseudonyms or not at all, times relative to the grant; hashes, names, addresses and the counters of
-a robot's run never leave.
+A field that is not listed does not leave. Every new kind of message or event and every new field
+needs an entry, such as `withheld`; tests/unit/experiments/extraction/test_allow_list.py fails until
+it has one. Ids leave as pseudonyms or not at all, times relative to the grant; hashes, names,
+addresses and the counters of a robot's run never leave.
 
 An identified dataset has events as they are stored.
 """
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, get_args
 
 import msgspec
@@ -32,7 +32,6 @@ from experiments.definition.schema import Outcome
 from experiments.extraction.forms import (
     Form,
     Origin,
-    PrivateForm,
     Release,
     code,
     door,
@@ -43,8 +42,8 @@ from experiments.extraction.forms import (
     kept,
     number,
     page_word,
+    private,
     script_step,
-    several,
     text,
     time,
     withheld,
@@ -62,8 +61,6 @@ from sessions.wizard import leases as wizard
 from sessions.wizard.script import Deviation
 
 Fields = Mapping[str, Form]
-
-# --- words ----------------------------------------------------------------------------------------
 
 SIDES = ("ahead", "left", "behind", "right")
 # Why a robot did not do something: docs/explanation/safety.md, robots/agent/control/actions.py.
@@ -117,8 +114,8 @@ def _read_by(reader: type[msgspec.Struct]) -> Fields:
 
 # --- messages of the Robot API, and of pages and server -------------------------------------------
 
-# Those that the record of a session is made of. What the `detail` of an event is depends on its
-# type: ROBOT has the types.
+# Those that the record of a session is made of. The form of an event's `detail` depends on its
+# type, in ROBOT.
 _EVENT: Fields = {
     "stamp": time,
     "boot": code,
@@ -142,7 +139,7 @@ MESSAGES: Mapping[type, Fields] = {
         "result": RESULT,
     },
     p.PageEvent: {"stamp": time, "type": withheld, "data": withheld},  # PAGE has its types
-    # Of what is read into columns, the fields that are read are in the classes that read them.
+    # The fields that are read into columns are those of the classes that read them.
     m.State: {
         **_read_by(StoredState),
         **dict.fromkeys(("boot", "session", "epoch", "chargerContact", "assist"), withheld),
@@ -153,10 +150,7 @@ MESSAGES: Mapping[type, Fields] = {
     m.Pose: {**_read_by(StoredPose), "covariance": withheld},
     m.Velocity: _read_by(StoredVelocity),
     m.Battery: {**_read_by(StoredBattery), "voltage": withheld},
-    m.AppliedCommand: {
-        **_read_by(StoredCommand),
-        **dict.fromkeys(("seq", "stamp"), withheld),
-    },
+    m.AppliedCommand: {**_read_by(StoredCommand), **dict.fromkeys(("seq", "stamp"), withheld)},
     p.PageNetwork: {**_read_by(StoredSample), "stamp": in_columns, "path": withheld},
     # These are read into words: `facts` and `spell`.
     m.Factsheet: {
@@ -187,7 +181,7 @@ MESSAGES: Mapping[type, Fields] = {
         "reason": words("", *END_REASONS),
     },
 }
-# Those that are no part of the record of a session: nothing of them leaves, whatever they hold.
+# Those that are no part of the record of a session: nothing of them leaves.
 KEPT_BACK: frozenset[type] = frozenset(
     {
         *(m.Safety, m.Limits, m.Camera, m.Laser, m.TiltRange, m.CallState, m.CameraStatus),
@@ -211,14 +205,14 @@ NONE: Fields = {}
 _LAID_OUT: Fields = {
     "interface": words(*INTERFACES),
     "layout": words("low", "upright", "wide"),
-    **dict.fromkeys(("width", "height"), PrivateForm(number)),
+    **dict.fromkeys(("width", "height"), private(number)),
     "touch": number,
     # together they tell devices apart
     **dict.fromkeys(("screen_width", "screen_height", "density"), withheld),
 }
 _SHOWN: Fields = {"word": page_word, "number": number, "seconds": number}
 _DETAILS: Mapping[str, Form] = {
-    "collision": several(*SIDES),
+    "collision": words(*SIDES, is_several=True),
     "door_changed": door_state,
     "goal_blocked": words(*ACTION_REASONS),
     "goal_reached": words(""),
@@ -243,7 +237,7 @@ SERVER: Mapping[str, Fields] = {
     **{key: {"part": words(WEB, MANAGER), "since": time, "until": time} for key in (ABSENT, BACK)},
     PAGE_CLOSED: {"code": number},
     **dict.fromkeys(("connecting", "driving", "reconnecting", "robot_ready"), NONE),
-    # what a hidden operator did, who is a pseudonym
+    # of a hidden operator, who has a pseudonym
     wizard.STEP: {
         "step": script_step,
         "id": code,
@@ -268,10 +262,10 @@ PAGE: Mapping[str, Fields] = {
     **{key: {"on": number, "why": words(*DEVICE_TROUBLES)} for key in ("camera", "microphone")},
     "check": {
         **dict.fromkeys(("server", "picture", "way", "detour"), CHECKED),
-        "browser": PrivateForm(CHECKED),
+        "browser": private(CHECKED),
         **dict.fromkeys(("microphone", "camera", "gamepad", "overall"), CHECKED),
         "roundTrip": number,
-        "app": PrivateForm(APPS),
+        "app": private(APPS),
     },
     "controller": {"method": words(*get_args(m.InputMethod))},
     "first_frame": {"way": words("direct", "server")},
@@ -298,7 +292,7 @@ TASK: Mapping[str, Fields] = {
     "cue": {**_PLACED, "name": words(*get_args(CueKey))},
     "task_ended": {**_PLACED, "name": words(*get_args(Outcome))},
 }
-# Markers of other streams (experiments/markers/): their texts are whatever a laboratory sends.
+# Markers of other streams (experiments/markers/): a laboratory sends any text.
 LAB: Mapping[str, Fields] = {"marker": {"stream": text, "value": text}}
 EVENTS: Mapping[str, Mapping[str, Fields]] = {
     "robot": ROBOT,
@@ -309,7 +303,7 @@ EVENTS: Mapping[str, Mapping[str, Fields]] = {
 }
 
 
-# What a coder noted on a replay; the words of the scheme leave with it. `coded` has their forms.
+# A coded event of a replay; `coded` has the forms of the scheme's words.
 CODING_EDIT: Fields = {
     **dict.fromkeys(("id", "coding", "event", "version", "is_deleted", "at"), withheld),
     **dict.fromkeys(("begin", "end"), number),
@@ -319,9 +313,7 @@ CODING_EDIT: Fields = {
 
 
 def coded(scheme: CodingScheme) -> Fields:
-    """Return what leaves of an event that was coded by a scheme: of the scheme's own words, those
-    alone that it has.
-    """
+    """Return the forms of an event that was coded by a scheme, with the words of the scheme."""
     modifiers = {
         modifier.name: words(*modifier.values)
         for code in scheme.codes
@@ -336,7 +328,7 @@ def coded(scheme: CodingScheme) -> Fields:
 def released(
     source: str, kind: str, data: Mapping[str, Any], release: Release, origin: Origin
 ) -> dict[str, Any] | None:
-    """Return what leaves of an event's data; None when no event of this kind does."""
+    """Return the part of an event's data that leaves; None when no event of this kind does."""
     if release.choice.identified:
         return dict(data)
     listed = EVENTS.get(source, {}).get(kind)
@@ -344,19 +336,19 @@ def released(
 
 
 def event_columns() -> tuple[Column, ...]:
-    """Return the columns of the events with the types that there are: who tells of each, and which
-    fields of it leave.
-    """
-    told: dict[str, list[str]] = {}
+    """Return the columns of the events; the levels of a type are its sources and its fields."""
+    found: dict[str, list[str]] = {}
     for source, kinds in EVENTS.items():
         for kind, listed in kinds.items():
-            told.setdefault(kind, []).append(f"{source}: {in_words(listed)}".removesuffix(": "))
-    types = {kind: "; or ".join(parts) for kind, parts in sorted(told.items())}
-    return tuple(one.one_of(types) if one.name == "type" else one for one in declared(EventRecord))
+            found.setdefault(kind, []).append(f"{source}: {in_words(listed)}".removesuffix(": "))
+    types = {kind: "; or ".join(parts) for kind, parts in sorted(found.items())}
+    return tuple(
+        replace(one, levels=types) if one.name == "type" else one for one in declared(EventRecord)
+    )
 
 
 def end_reason(reason: str, release: Release) -> str:
-    """Return why a session ended; what a person wrote, only where free text is kept."""
+    """Return why a session ended; text of a person only where free text is kept."""
     return reason if release.choice.has_text or reason in END_REASONS else ""
 
 

@@ -1,6 +1,4 @@
-"""Filled-in questionnaires as the responses of a dataset: how every question stands, in written
-order.
-"""
+"""Filled-in questionnaires as the responses of a dataset."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -11,15 +9,13 @@ from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.extraction.selection import Selection
 from experiments.models import Participant, Study
 from surveys import questionnaires
-from surveys.answers import AnswerValue
 from surveys.definition import Definition
 from surveys.downloads import answered
-from surveys.item import Question
 from surveys.models import Answer
 from surveys.models import Questionnaire as QuestionnaireRow
 from surveys.models import Response as Row
 
-AT_ONCE = 200  # participants, whose responses are asked for in one query
+AT_ONCE = 200  # participants whose responses one query returns
 
 
 def responses_of(
@@ -30,87 +26,70 @@ def responses_of(
     """
     people = list(people_of(study, choice).exclude(status=Participant.Status.WITHDRAWN))
     asking = study.as_definition().asking
-    repeated, slugs = (
-        {step.key: not step.is_about_person for step in asking},
-        {step.questionnaire for step in asking},
-    )
+    about_drive = {step.key: not step.is_about_person for step in asking}
     for start in range(0, len(people), AT_ONCE):
         known = {str(one.pk): one for one in people[start : start + AT_ONCE]}
         found: dict[str, list[ResponseRecord]] = {key: [] for key in known}
         rows = Row.objects.filter(
             asked_at__participant__in=list(known),
-            asked_at__step__in=list(repeated),
-            questionnaire__slug__in=slugs,
+            asked_at__step__in=list(about_drive),
+            questionnaire__slug__in={step.questionnaire for step in asking},
         ).select_related("asked_at")
         for row, definition, answers in answered(rows):
-            place = row.asked_at
-            who = known[str(place.participant_id)]
-            round_of = (who.pk, place.visit, place.round)
-            is_about_drive = repeated[place.step]
-            session = sessions.get(round_of, "") if is_about_drive else ""
+            place, is_about_drive = row.asked_at, about_drive[row.asked_at.step]
+            person = known[str(place.participant_id)]
             is_exact = is_about_drive or not choice.public
-            found[str(who.pk)].append(
-                _response(
-                    row, definition, answers, who.code, session, names, choice, is_exact=is_exact
-                )
+            values, missing = _stated(row, definition, answers, choice, is_exact=is_exact)
+            seconds = {one.item: one.seconds for one in answers if one.seconds is not None}
+            session = sessions.get((person.pk, place.visit, place.round), "")
+            response = ResponseRecord(
+                names.response(row.pk),
+                row.questionnaire.slug,
+                person.code,
+                values,
+                version=row.questionnaire.version,
+                session=session if is_about_drive else "",
+                finished=row.finished_at is not None,
+                missing=missing,
+                seconds={key: seconds[key] for key in (*values, *missing) if key in seconds},
             )
+            found[str(person.pk)].append(response)
         for own in found.values():
             yield from own
 
 
-def _response(
+def _stated(
     row: Row,
     definition: Definition,
     answers: Sequence[Answer],
-    who: str,
-    session: str,
-    names: Pseudonyms,
     choice: Selection,
     *,
     is_exact: bool,
-) -> ResponseRecord:
-    stands = row.response_statuses(definition, {answer.item: answer.given for answer in answers})
-    values, missing = {}, {}
-    for question in definition.questions():
-        value, reason = _said(question, stands[question.key], choice, is_exact=is_exact)
-        if reason:
-            missing[question.key] = reason
-        else:
-            values[question.key] = value
-    seconds = {answer.item: answer.seconds for answer in answers if answer.seconds is not None}
-    order = [key for key in (*values, *missing) if key in seconds]
-    return ResponseRecord(
-        names.response(row.pk),
-        row.questionnaire.slug,
-        who,
-        values,
-        version=row.questionnaire.version,
-        session=session,
-        finished=row.finished_at is not None,
-        missing=missing,
-        seconds={key: seconds[key] for key in order},
-    )
-
-
-def _said(
-    question: Question, given: AnswerValue, choice: Selection, *, is_exact: bool
-) -> tuple[object, str]:
-    """Return the value of an answer, or why it has none; without `is_exact`, what is not chosen
-    from a list (an age, a year of birth) is withheld as free text is.
+) -> tuple[dict[str, object], dict[str, str]]:
+    """Return the values of a response, and the reasons for which others are missing, both in
+    written order. Without `is_exact`, answers that are not chosen from a list (an age, a year of
+    birth) are withheld as free text is.
     """
-    if given.value is None:
-        return None, str(given.missing or "")
-    if question.item.is_free_text and not choice.has_text:
-        return None, WITHHELD
-    if not is_exact and not question.labelled_values:
-        return None, WITHHELD
-    return given.value, ""
+    statuses = row.response_statuses(definition, {answer.item: answer.given for answer in answers})
+    values: dict[str, object] = {}
+    missing: dict[str, str] = {}
+    for question in definition.questions():
+        given = statuses[question.key]
+        is_secret = question.item.is_free_text and not choice.has_text
+        if given.value is None:
+            if given.missing:
+                missing[question.key] = str(given.missing)
+            else:
+                values[question.key] = None
+        elif is_secret or not (is_exact or question.labelled_values):
+            missing[question.key] = WITHHELD
+        else:
+            values[question.key] = given.value
+    return values, missing
 
 
 def questionnaires_of(study: Study) -> tuple[Definition, ...]:
-    """Return the questionnaires of a study in every finished version that is there, by name and
-    version.
-    """
+    """Return every finished version of a study's questionnaires, by name and version."""
     slugs = {step.questionnaire for step in study.as_definition().asking}
     rows = QuestionnaireRow.objects.filter(
         slug__in=sorted(slugs | {study.as_definition().analysis.statements})

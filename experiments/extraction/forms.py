@@ -1,9 +1,7 @@
-"""In which form a value leaves in a dataset: as a number, a known word, a pseudonym, a time
-relative to the grant, or not at all. experiments/extraction/allow_list.py lists which field has
-which form.
+"""The form of a value in a dataset: a number, a known word, a pseudonym, a time relative to the
+grant, or nothing. experiments/extraction/allow_list.py lists the form of each field.
 
-A form takes a value as it is stored and returns what leaves, or `NOTHING`. A value that is not what
-its form expects does not leave: who sent it may be a robot, or a page, that somebody changed.
+A value that does not fit its form is left out, because a modified robot or page may have sent it.
 """
 
 import re
@@ -18,14 +16,14 @@ from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.extraction.selection import Selection
 
 NOTHING: Final = object()
-NEAR = 86_400.0  # s: clocks that differ by more have not been set
-LARGEST = 1e8  # of a measure or a count; a Unix time is larger, in whatever unit
+NEAR = 86_400.0  # s: a clock with a larger difference was never set
+LARGEST = 1e8  # of a measure or a count; a Unix time is larger, in any unit
 
 
 @dataclass(frozen=True)
 class Release:
-    """What a dataset is made with: its pseudonyms, what was asked for, the names of the doors of
-    the study's floor plans, which the dataset has as well, and the keys of the steps of its script.
+    """The pseudonyms and the choice of a dataset, the names of the doors of its plans, and the
+    keys of the steps of the study's script.
     """
 
     names: Pseudonyms
@@ -36,8 +34,8 @@ class Release:
 
 @dataclass(frozen=True)
 class Origin:
-    """Where times count from: `granted` in Unix seconds by the server's clock; `offset` is the
-    sender's clock minus the server's in seconds.
+    """The zero of times: `granted` in Unix seconds by the server's clock; `offset` is the sender's
+    clock minus the server's in seconds.
     """
 
     granted: float
@@ -48,174 +46,123 @@ class Origin:
         return round(stamp - self.offset - self.granted, 6)
 
 
-Form = Callable[[Any, Release, Origin], Any]
+@dataclass(frozen=True)
+class Form:
+    """`leave` returns the part of a stored value that a dataset has, or NOTHING; `note` is that
+    of the code book on a field of this form, which is not in it without `is_listed`.
+    """
+
+    leave: Callable[[Any, Release, Origin], Any]
+    note: str = ""
+    is_listed: bool = True
 
 
-def withheld(_value: Any, _release: Release, _origin: Origin) -> Any:
-    """Never leaves."""
-    return NOTHING
-
-
-def in_columns(_value: Any, _release: Release, _origin: Origin) -> Any:
-    """Leaves in a column of its own, made by the module that reads it; never as it is stored."""
-    return NOTHING
-
-
-def number(value: Any, _release: Release, _origin: Origin) -> Any:
-    """A measure, a count, yes or no, or unknown; what is so large may be a date or an id."""
+def _number(value: Any, _release: Release, _origin: Origin) -> Any:
     if value is None or isinstance(value, bool):
         return value
     return value if isinstance(value, int | float) and abs(value) < LARGEST else NOTHING
 
 
-def time(value: Any, _release: Release, origin: Origin) -> Any:
-    """A time of the sender's clock, in seconds since the grant."""
+def _time(value: Any, _release: Release, origin: Origin) -> Any:
     if not isinstance(value, int | float) or isinstance(value, bool):
         return NOTHING
     relative = origin.relative(value)
     return relative if abs(relative) < NEAR else NOTHING
 
 
-def code(value: Any, release: Release, _origin: Origin) -> Any:
-    """An id, as the pseudonym that it has everywhere in the study."""
+def _code(value: Any, release: Release, _origin: Origin) -> Any:
     return release.names.thing(value) if isinstance(value, str) and value else NOTHING
 
 
-def text(value: Any, release: Release, _origin: Origin) -> Any:
-    """What a person wrote, or a robot said in its own words: only where free text is asked for."""
+def _text(value: Any, release: Release, _origin: Origin) -> Any:
     is_wanted = isinstance(value, str) and release.choice.has_text
     return release.names.in_text(value) if is_wanted else NOTHING
 
 
-@dataclass(frozen=True)
-class WordForm:
-    """Words of a list; anything else is free text. With `several`, some of them with spaces between
-    them; else one.
-    """
-
-    known: tuple[str, ...]
-    several: bool = False
-
-    def __call__(self, value: Any, release: Release, origin: Origin) -> Any:
-        """Return the words, or what `text` makes of it."""
-        said = [] if not isinstance(value, str) else value.split() if self.several else [value]
-        is_known = isinstance(value, str) and set(said) <= set(self.known)
-        return value if is_known else text(value, release, origin)
-
-
-def words(*known: str) -> WordForm:
-    """One of these words."""
-    return WordForm(known)
-
-
-def several(*known: str) -> WordForm:
-    """Some of these words with spaces between them."""
-    return WordForm(known, several=True)
-
-
-def door(value: Any, release: Release, _origin: Origin) -> Any:
-    """The name of a door of the study's floor plans."""
-    return value if isinstance(value, str) and value in release.doors else NOTHING
-
-
-def door_state(value: Any, release: Release, origin: Origin) -> Any:
-    """The name of a door, and whether it is open or closed now."""
+def _door_state(value: Any, release: Release, _origin: Origin) -> Any:
     name, _, state = value.rpartition(" ") if isinstance(value, str) else ("", "", "")
-    is_known = state in {"open", "closed"} and door(name, release, origin) is not NOTHING
-    return value if is_known else NOTHING
+    return value if state in {"open", "closed"} and name in release.doors else NOTHING
 
 
-def script_step(value: Any, release: Release, _origin: Origin) -> Any:
-    """The key of a step of the study's own script for a hidden operator."""
-    return value if isinstance(value, str) and value in release.steps else NOTHING
+def _one_of(known: Callable[[Release], frozenset[str]], note: str) -> Form:
+    """A word of a set; another one is left out."""
 
+    def leave(value: Any, release: Release, _origin: Origin) -> Any:
+        return value if isinstance(value, str) and value in known(release) else NOTHING
 
-def page_word(value: Any, _release: Release, _origin: Origin) -> Any:
-    """The key of a sentence of the page, as it stands in the templates."""
-    return value if isinstance(value, str) and value in _page_words() else NOTHING
-
-
-_WORD_KEY = re.compile(r'data-word="([a-z0-9_.]+)"')
-_PART = re.compile(r"\.(?:title|text|one|other)$")
+    return Form(leave, note)
 
 
 @cache
 def _page_words() -> frozenset[str]:
-    """The keys that pages report: those of the templates, and of a sentence with several parts the
-    one that they share.
+    """Return the keys that pages report: those of the templates, and of a sentence with several
+    parts the part that their keys share.
     """
     found = {
         key
         for path in (settings.BASE_DIR / "templates").rglob("*.html")
-        for key in _WORD_KEY.findall(path.read_text())
+        for key in re.findall(r'data-word="([a-z0-9_.]+)"', path.read_text())
     }
-    return frozenset(found | {_PART.sub("", key) for key in found})
+    return frozenset(found | {re.sub(r"\.(?:title|text|one|other)$", "", key) for key in found})
 
 
-@dataclass(frozen=True)
-class ObjectForm:
+withheld = Form(lambda *_: NOTHING, is_listed=False)
+# The module that reads it makes a column of its own, so that it never leaves as it is stored.
+in_columns = Form(lambda *_: NOTHING, is_listed=False)
+# A measure, a count, yes or no, or unknown; a larger number may be a date or an id.
+number = Form(_number)
+time = Form(_time, " (s)")
+code = Form(_code, " (pseudonym)")  # of an id, which has the same one in the whole study
+text = Form(_text, " (only with free text)")  # written by a person, or by a robot's software
+door = _one_of(lambda release: release.doors, " (a door of the floor plan)")
+door_state = Form(_door_state, " (a door of the floor plan, and open or closed)")
+script_step = _one_of(lambda release: release.steps, " (a step of the study's script)")
+page_word = _one_of(lambda _release: _page_words(), " (key of a sentence of the page)")
+
+
+def words(*known: str, is_several: bool = False) -> Form:
+    """One word of a list, or several with spaces between them; any other text is free text."""
+
+    def leave(value: Any, release: Release, origin: Origin) -> Any:
+        if not isinstance(value, str):
+            return NOTHING
+        is_known = set(value.split() if is_several else [value]) <= set(known)
+        return value if is_known else _text(value, release, origin)
+
+    note = " | ".join(filter(None, known))
+    return Form(leave, f" (some of {note})" if is_several else f" ({note})" if note else "")
+
+
+def fields(listed: Mapping[str, Form]) -> Form:
     """An object of which the listed fields leave."""
 
-    listed: Mapping[str, Form]
+    def leave(value: Any, release: Release, origin: Origin) -> Any:
+        return kept(listed, value, release, origin) if isinstance(value, Mapping) else NOTHING
 
-    def __call__(self, value: Any, release: Release, origin: Origin) -> Any:
-        """Return these fields."""
-        return kept(self.listed, value, release, origin) if isinstance(value, Mapping) else NOTHING
-
-
-@dataclass(frozen=True)
-class PrivateForm:
-    """What leaves in a form, but in no public dataset."""
-
-    form: Form
-
-    def __call__(self, value: Any, release: Release, origin: Origin) -> Any:
-        """Return the value in its form."""
-        return NOTHING if release.choice.public else self.form(value, release, origin)
+    return Form(leave, f" ({in_words(listed)})")
 
 
-def fields(listed: Mapping[str, Form]) -> ObjectForm:
-    """An object of which the listed fields leave."""
-    return ObjectForm(listed)
+def private(form: Form) -> Form:
+    """A value that is in no public dataset."""
+
+    def leave(value: Any, release: Release, origin: Origin) -> Any:
+        return NOTHING if release.choice.public else form.leave(value, release, origin)
+
+    return Form(leave, f"{form.note} (in no public dataset)")
 
 
 def kept(
     listed: Mapping[str, Form], data: Mapping[str, Any], release: Release, origin: Origin
 ) -> dict[str, Any]:
-    """Return what leaves of an object, in its own order."""
+    """Return the fields of an object that leave, in its own order."""
     found = {
-        name: listed[name](value, release, origin) for name, value in data.items() if name in listed
+        name: listed[name].leave(value, release, origin)
+        for name, value in data.items()
+        if name in listed
     }
     return {name: value for name, value in found.items() if value is not NOTHING}
 
 
 def in_words(listed: Mapping[str, Form]) -> str:
-    """Return the fields that leave of an object, with the words that one may have, for a code
-    book.
-    """
-    return ", ".join(
-        f"{name}{_told(form)}" for name, form in listed.items() if form not in KEPT_BACK
-    )
-
-
-def _told(form: Form) -> str:
-    if isinstance(form, PrivateForm):
-        return _told(form.form) + " (in no public dataset)"
-    if isinstance(form, ObjectForm):
-        return f" ({in_words(form.listed)})"
-    if isinstance(form, WordForm):
-        known = " | ".join(word for word in form.known if word)
-        return f" (some of {known})" if form.several else f" ({known})" if known else ""
-    return f" ({TOLD[form]})" if form in TOLD else ""
-
-
-KEPT_BACK = (withheld, in_columns)
-TOLD: Mapping[Form, str] = {
-    time: "s",
-    code: "pseudonym",
-    text: "only with free text",
-    door: "a door of the floor plan",
-    door_state: "a door of the floor plan, and open or closed",
-    script_step: "a step of the study's script",
-    page_word: "key of a sentence of the page",
-}
+    """Return the fields that leave, each with its note, for a code book."""
+    return ", ".join(f"{name}{form.note}" for name, form in listed.items() if form.is_listed)

@@ -1,4 +1,4 @@
-"""The robots and sites of a study: what they say of themselves, as the rows of Table 1."""
+"""The robots of a study with their rows of Table 1, and the floor plans of its sites."""
 
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -14,39 +14,29 @@ from robots.models import FloorPlan as PlanRow
 from robots.models import Robot as Row
 
 YES, NO, UNKNOWN = "yes", "no", "–"
+ACCESS = {"open": "everybody", "invitation": "by invitation"}
 
 
 def robots_of(study: StudyDefinition, driven: Iterable[str]) -> tuple[RobotRecord, ...]:
-    """Return the robots that were driven, by name, and those at the study's sites that could have
-    been.
+    """Return the robots that were driven, by name, and the others of the same series at the
+    study's sites.
     """
     wanted, names = {(one.robot, one.site) for one in study.conditions}, set(driven)
-    rows = Row.objects.select_related("floor_plan").order_by("name")
-    found = [
-        row
-        for row in rows
-        if row.name in names
-        or (series_of(row), row.floor_plan.name if row.floor_plan else "") in wanted
-    ]
-    return tuple(
-        RobotRecord(
-            name=row.name,
-            title=row.title,
-            series=series_of(row),
-            facts=facts(row.presence.factsheet or {}, study),
-        )
-        for row in found
-    )
-
-
-def series_of(row: Row) -> str:
-    """Return what courses call a robot; its own name when it was never heard of."""
-    found: str = (row.presence.factsheet or {}).get("series", row.name)
-    return found
+    found = []
+    for row in Row.objects.select_related("floor_plan").order_by("name"):
+        sheet = row.presence.factsheet or {}
+        series = sheet.get("series", row.name)  # of a robot that never connected, its own name
+        site = row.floor_plan.name if row.floor_plan else ""
+        if row.name in names or (series, site) in wanted:
+            record = RobotRecord(
+                name=row.name, title=row.title, series=series, facts=facts(sheet, study)
+            )
+            found.append(record)
+    return tuple(found)
 
 
 def facts(sheet: Mapping[str, Any], study: StudyDefinition) -> dict[str, str]:
-    """Return what a factsheet and the study say of a robot, row by row of Table 1."""
+    """Return the rows of Table 1 about a robot, from its factsheet and the study."""
     series, can = sheet.get("series", ""), sheet.get("capabilities", ())
     courses = [course for course in study.courses if course.robot == series]
     entries = {condition.access for condition in study.conditions if condition.robot == series}
@@ -63,10 +53,7 @@ def facts(sheet: Mapping[str, Any], study: StudyDefinition) -> dict[str, str]:
         "Docks by itself": YES if "dock" in can else NO,
         "Mirror task": YES if any(course.photo for course in courses) else NO,
         "Agent": sheet.get("agent_version") or UNKNOWN,
-        "Participants": ", ".join(
-            sorted({"open": "everybody", "invitation": "by invitation"}[one] for one in entries)
-        )
-        or UNKNOWN,
+        "Participants": ", ".join(sorted(ACCESS[one] for one in entries)) or UNKNOWN,
     }
 
 
@@ -76,7 +63,7 @@ def _limit(sheet: Mapping[str, Any], name: str) -> str:
 
 
 def _size(footprint: Iterable[Point] | None) -> str:
-    """Return length and width of what a robot covers of the floor; x is forward."""
+    """Return the length and width of a robot's footprint; x is forward."""
     if footprint is None:
         return UNKNOWN
     x, y = zip(*footprint, strict=True)
@@ -84,16 +71,12 @@ def _size(footprint: Iterable[Point] | None) -> str:
 
 
 def _camera(camera: Mapping[str, Any] | None) -> str:
-    return (
-        UNKNOWN
-        if camera is None
-        else f"{camera['width']}×{camera['height']}, {camera['hfov'] * 57.29578:.0f}°"
-    )
+    if camera is None:
+        return UNKNOWN
+    return f"{camera['width']}×{camera['height']}, {camera['hfov'] * 57.29578:.0f}°"
 
 
 def plans_of(study: StudyDefinition) -> dict[str, FloorPlan]:
     sites = {one.site for one in (*study.conditions, *study.courses)}
-    rows = (
-        PlanRow.objects.filter(name__in=sorted(sites)).order_by("name").values_list("name", "plan")
-    )
-    return {name: floorplan.decode(msgspec.json.encode(plan)) for name, plan in rows if plan}
+    rows = PlanRow.objects.filter(name__in=sorted(sites)).order_by("name")
+    return {row.name: floorplan.decode(msgspec.json.encode(row.plan)) for row in rows if row.plan}

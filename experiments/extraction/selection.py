@@ -1,5 +1,5 @@
-"""What goes into a dataset: pseudonymous unless somebody who may decides otherwise. What a
-pseudonymous one has of each event, experiments/extraction/allow_list.py says.
+"""The choice of a dataset's contents. What a pseudonymous dataset has of each event is listed in
+experiments/extraction/allow_list.py.
 """
 
 from dataclasses import dataclass
@@ -11,14 +11,14 @@ SOURCES = tuple(levels.SOURCES)
 
 @dataclass(frozen=True)
 class Selection:
-    """What a dataset holds beside numbers and words from lists.
+    """What a dataset has besides numbers and words from lists.
 
-    `identified` adds who the participants are and leaves out nothing; `sources` are those of the
-    events, `formats` the names of those that were asked for (experiments/export/formats/).
+    An `identified` dataset has everything, with the names of participants; `sources` are those of
+    the events, `formats` the names of the requested formats (experiments/export/formats/).
 
-    A `public` dataset is for everybody: of the participants who allowed it, where the study asked
-    them, with ages as ranges, without numbers from questions about the person, devices and
-    networks, and without free text and photos.
+    A `public` dataset has the participants who allowed it, where the study asked them, with ages as
+    ranges, without numbers from questions about the person, devices and networks, and without free
+    text and photos.
     """
 
     public: bool = False
@@ -33,5 +33,4 @@ class Selection:
 
     @property
     def has_text(self) -> bool:
-        """Tell whether free text is kept."""
         return self.identified or self.free_text

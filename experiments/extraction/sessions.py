@@ -3,6 +3,7 @@
 import datetime
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import msgspec
 from django.db.models import QuerySet
@@ -23,13 +24,12 @@ from sessions.leases.fault_side import FaultAttribution
 from sessions.models import Session as Visit
 from sessions.models import SessionEvent
 
-NAN = float("nan")
+NAN = math.nan
 WHOLE = Selection()
-OPERATOR = "operator"  # events of the server that begin so were an operator's doing
 
 
 def drives_of(study: Study, choice: Selection = WHOLE) -> QuerySet[Drive]:
-    """Return the drives whose data are in a dataset: those of the withdrawn are not."""
+    """Return the drives whose data are in a dataset: all but those of participants who withdrew."""
     rows = Drive.objects.filter(participant__in=people_of(study, choice)).exclude(
         participant__status=Participant.Status.WITHDRAWN
     )
@@ -40,37 +40,21 @@ def drives_of(study: Study, choice: Selection = WHOLE) -> QuerySet[Drive]:
 
 def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list[SessionRecord]:
     definition = study.as_definition()
-    practice = definition.practice_keys
-    touched = _touched([drive.session_id for drive in drives])
-    faults = faults_of(drive.session for drive in drives)
-    return [
-        _session(
-            drive,
-            definition,
-            release,
-            is_practice=drive.step in practice,
-            operator=drive.session_id in touched,
-            fault=faults[drive.session_id],
-        )
-        for drive in drives
-    ]
-
-
-def _touched(sessions: Sequence[object]) -> set[object]:
     acts = SessionEvent.objects.filter(
-        source=SessionEvent.Source.SERVER, type__startswith=OPERATOR, session__drive__isnull=False
+        source=SessionEvent.Source.SERVER, type__startswith="operator", session__drive__isnull=False
     )
-    return set(acts.values_list("session_id", flat=True)) & set(sessions)
+    with_operator = set(acts.values_list("session_id", flat=True))
+    faults = faults_of(drive.session for drive in drives)
+    found = []
+    for drive in drives:
+        record = _session(drive, definition, release, faults[drive.session_id])
+        is_touched = record.operator or drive.session_id in with_operator
+        found.append(replace(record, operator=is_touched))
+    return found
 
 
 def _session(
-    drive: Drive,
-    definition: StudyDefinition,
-    release: Release,
-    *,
-    is_practice: bool,
-    operator: bool,
-    fault: FaultAttribution,
+    drive: Drive, definition: StudyDefinition, release: Release, fault: FaultAttribution
 ) -> SessionRecord:
     visit, condition = drive.session, definition.condition(drive.condition)
     names, about = release.names, visit.device or {}
@@ -78,6 +62,8 @@ def _session(
         visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR
         and visit.outcome_reason != "robot_disabled"
     )
+    # what an operator wrote is free text, even if it is one word
+    is_withheld = stopped and not release.choice.has_text
     return SessionRecord(
         names.session(visit.pk),
         drive.participant.code,
@@ -85,14 +71,13 @@ def _session(
         kind=drive.participant.kind,
         visit=drive.visit,
         round=drive.round + 1,
-        practice=is_practice,
-        site=condition.site if condition else "",
+        practice=drive.step in definition.practice_keys,
         condition=drive.condition,
         mismatch="|".join(drive.mismatches),
         **_assigned(condition),
         **_applied(drive),
         outcome=drive.outcome or visit.outcome,
-        reason=_reason(visit, release, by_operator=stopped),
+        reason="" if is_withheld else end_reason(visit.outcome_reason, release),
         os=device(about.get("os", ""), release, OS),
         browser=device(about.get("browser", ""), release, BROWSERS),
         network="" if release.choice.public else names.network(about.get("network", "")),
@@ -101,7 +86,7 @@ def _session(
         ended=_after(drive, end_of(visit)),
         **_ends(drive),
         **_docking(drive),
-        operator=operator or stopped,
+        operator=stopped,
         missing=visit.summary.get("missing", 0),
         excluded=drive.excluded_reason,
         fault_side=fault.side,
@@ -110,29 +95,21 @@ def _session(
     )
 
 
-def _reason(visit: Visit, release: Release, *, by_operator: bool) -> str:
-    """What an operator wrote is free text, be it one word."""
-    is_withheld = by_operator and not release.choice.has_text
-    return "" if is_withheld else end_reason(visit.outcome_reason, release)
-
-
 def _assigned(condition: Condition | None) -> dict[str, object]:
     if condition is None:
         return {}
-    networks = {
-        "control_network": spell(condition.network.control),
-        "video_network": spell(condition.network.video),
-    }
     return {
+        "site": condition.site,
         "control_way": condition.control_way,
         "assist": condition.assist,
         "doors_closed": tuple(sorted(condition.doors_closed)),
-        **networks,
+        "control_network": spell(condition.network.control),
+        "video_network": spell(condition.network.video),
     }
 
 
 def _applied(drive: Drive) -> dict[str, str]:
-    """What of the networks the robot says that it has put on."""
+    """Return the impairments that the robot reported as applied."""
     found = {name: drive.applied.get(f"{name}_network") for name in ("control", "video")}
     return {
         f"{name}_applied": spell(msgspec.convert(report, LabReport).lab)
@@ -142,20 +119,20 @@ def _applied(drive: Drive) -> dict[str, str]:
 
 
 def _ends(drive: Drive) -> dict[str, float]:
-    """How the robot stood at the beginning and at the end; NaN for what is not known."""
+    """Return the robot's state at the beginning and at the end; NaN for unknown values."""
     found = {"began": drive.began_with, "ended": drive.ended_with}
     return {
-        f"{name}_{word}": NAN if (value := stood.get(word)) is None else round(float(value), 6)
-        for name, stood in found.items()
+        f"{name}_{word}": NAN if (value := known.get(word)) is None else round(float(value), 6)
+        for name, known in found.items()
         for word in ("x", "y", "theta", "docked", "charge")
     }
 
 
 def _docking(drive: Drive) -> dict[str, float]:
-    """By which rule docking counted, and how often it was tried; NaN where there was none."""
+    """Return the rule of docking and the number of attempts, where there was such a rule."""
     rule = (drive.assigned.get("track") or {}).get("docked")
     if rule is None:
-        return {"docked_seconds": NAN, "dock_contacts": NAN}
+        return {}
     return {
         "docked_seconds": float(rule["seconds"]),
         "dock_contacts": float(drive.result.get("dock_contacts", NAN)),
@@ -163,7 +140,7 @@ def _docking(drive: Drive) -> dict[str, float]:
 
 
 def granted(drive: Drive) -> float:
-    """Return when the robot was granted, in Unix seconds: where a session's time begins."""
+    """Return the time of the grant in Unix seconds, from which the times of a session count."""
     return drive.granted_at.timestamp()
 
 
@@ -172,29 +149,27 @@ def _after(drive: Drive, at: datetime.datetime | None) -> float:
 
 
 def _first_frame(drive: Drive) -> float:
-    """What the task engine counted from; else when the page first showed the video, where there was
-    no task.
+    """Return the time from which the task engine counted; without a task, that of the first video
+    frame.
     """
     started = drive.result.get("started")
-    return (
-        _after(drive, drive.exposed_at) if started is None else round(started - granted(drive), 6)
-    )
+    if started is not None:
+        return float(round(started - granted(drive), 6))
+    return _after(drive, drive.exposed_at)
 
 
 def _first_motion(drive: Drive) -> float:
-    """The session manager's note; one that it could not make, because it was away, is found in the
+    """Return the session manager's note; where it was not running then, the time is found in the
     states.
     """
     if drive.settled_at is not None and not drive.moved:
         return NAN
     noted = _after(drive, drive.session.first_motion_at)
-    return _from_states(drive) if drive.moved and math.isnan(noted) else noted
-
-
-def _from_states(drive: Drive) -> float:
+    if not drive.moved or not math.isnan(noted):
+        return noted
     for chunk in STORED.chunks_of(drive.session_id):
         for state in chunk.states:
             if state.applied:
                 at = round(state.stamp - (chunk.clock_offset or 0.0) - granted(drive), 6)
-                return at if abs(at) < NEAR else NAN  # by a clock that nobody has set
+                return at if abs(at) < NEAR else NAN  # by a clock that was never set
     return NAN

@@ -25,8 +25,8 @@ STORED, SAMPLE = StateReader(StoredState), Decoded(StoredSample)
 
 def states_of(session: object, granted: float) -> Columns:
     """Return the states of a session as STATES, run by run and in order within each; `granted` is
-    Unix time in seconds. Times and counts begin with the session, because the robot's own would
-    lead to its other records.
+    Unix time in seconds. Times and counts start with the session, because the robot's own would
+    identify its other records.
     """
     chunks = list(STORED.chunks_of(session))
     runs = {boot: run for run, boot in enumerate(dict.fromkeys(one.boot for one in chunks))}

@@ -1,6 +1,4 @@
-"""Which version of a study a command means: `exploration`, the newest that was published, or
-`exploration:2`.
-"""
+"""The study of a command: `exploration`, its newest published version, or `exploration:2`."""
 
 from django.core.management import CommandError
 
@@ -19,8 +17,6 @@ def study_named(text: str) -> Study:
         rows = rows.filter(version=int(version)) if version.isdigit() else rows.none()
     found = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
     if found is None:
-        known = ", ".join(
-            sorted({f"{one.slug}:{one.version}" for one in Study.objects.only("slug", "version")})
-        )
-        raise CommandError(f"There is no study {text!r}; there are: {known or 'none'}.")
+        known = sorted(f"{one.slug}:{one.version}" for one in Study.objects.only("slug", "version"))
+        raise CommandError(f"There is no study {text!r}; there are: {', '.join(known) or 'none'}.")
     return found

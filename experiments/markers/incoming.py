@@ -1,4 +1,4 @@
-"""Markers of other streams, written into the record of the sessions that they fall into."""
+"""Markers of other streams, stored in the record of the sessions in progress at their time."""
 
 from datetime import UTC, datetime
 
@@ -12,9 +12,7 @@ MAX_TEXT = 500
 
 
 def record(slug: str, marker: ForeignMarker, now: float) -> int:
-    """Store a marker with each session of a study that was in progress at its time, and return the
-    number of these sessions.
-    """
+    """Store a marker with each session of a study in progress then, and return their number."""
     at = datetime.fromtimestamp(marker.at, UTC)
     drives = Drive.objects.filter(
         Q(session__ended_at=None) | Q(session__ended_at__gte=at),

@@ -1,5 +1,5 @@
-"""The markers of a study: its events, each once, with what a pseudonymous dataset has of them and
-under the same codes.
+"""The markers of a study: its events, each once, with the contents and codes that they have in a
+pseudonymous dataset.
 
 A marker's time is that of the replay and of datasets: the server's clock, for which the clocks of
 robot and page are corrected. Events are stored a moment after they happened, so a marker is
@@ -16,7 +16,7 @@ from django.db.models import Q
 from experiments.coding import store
 from experiments.extraction.allow_list import coded, released
 from experiments.extraction.build import release_of
-from experiments.extraction.events import page_offset, robot_offset
+from experiments.extraction.events import origin_of
 from experiments.extraction.forms import Origin, Release, kept
 from experiments.extraction.selection import Selection
 from experiments.markers.marker import Marker, TimedMarker
@@ -52,51 +52,39 @@ class MarkerSource:
         return self._releases[study.pk]
 
     def _of_drives(self, begin: float) -> Iterator[TimedMarker]:
-        """Yield the events of drives that go on, or ended a moment ago."""
+        """Yield the events of drives that are in progress, or ended a moment ago."""
         recent = Q(session__ended_at=None) | Q(session__ended_at__gte=_at(begin))
         drives = Drive.objects.filter(recent, participant__study__slug=self._slug)
         for drive in drives.select_related("participant__study", "session"):
             yield from self._of_drive(drive, begin)
 
     def _of_drive(self, drive: Drive, begin: float) -> Iterator[TimedMarker]:
-        session, granted = drive.session_id, drive.granted_at.timestamp()
-        rows = SessionEvent.objects.filter(session=session, received_at__gte=begin)
-        events = list(rows.exclude(source=LAB))
-        origins = {source: Origin(granted) for source in {row.source for row in events} | {"task"}}
-        for source, offset in (("robot", robot_offset), ("page", page_offset)):
-            if source in origins:
-                origins[source] = Origin(granted, offset(session))
-        for row in events:
-            event = (row.source, row.type, row.stamp, row.data)
-            yield from self._event(drive, row.pk, origins[row.source], event)
-        for task in TaskEvent.objects.filter(drive=drive, stamp__gte=begin):
-            key = (drive.pk, task.number, task.type)
-            event = ("task", task.type, task.stamp, task.data)
-            yield from self._event(drive, key, origins["task"], event)
-
-    def _event(
-        self, drive: Drive, key: Any, origin: Origin, event: tuple[str, str, float, dict[str, Any]]
-    ) -> Iterator[TimedMarker]:
-        source, kind, stamp, data = event
+        rows = SessionEvent.objects.filter(session=drive.session_id, received_at__gte=begin)
+        tasks = TaskEvent.objects.filter(drive=drive, stamp__gte=begin)
+        events: list[tuple[str, Any, SessionEvent | TaskEvent]] = [
+            *((row.source, row.pk, row) for row in rows.exclude(source=LAB)),
+            *(("task", (drive.pk, task.number, task.type), task) for task in tasks),
+        ]
+        origins = {source: origin_of(drive, source) for source in {one for one, *_ in events}}
         release = self._release(drive.participant.study)
-        left = released(source, kind, data, release, origin)
-        if left is not None:
-            marker = Marker(
-                type=kind,
-                source=source,
-                session=release.names.session(drive.session_id),
-                participant=drive.participant.code,
-                t=origin.relative(stamp),
-                data=left,
-            )
-            yield TimedMarker((source, key), stamp - origin.offset, marker)
+        for source, key, event in events:
+            origin = origins[source]
+            data = released(source, event.type, event.data, release, origin)
+            if data is not None:
+                marker = Marker(
+                    type=event.type,
+                    source=source,
+                    session=release.names.session(drive.session_id),
+                    participant=drive.participant.code,
+                    t=origin.relative(event.stamp),
+                    data=data,
+                )
+                yield TimedMarker((source, key), event.stamp - origin.offset, marker)
 
     def _of_steps(self, begin: float) -> Iterator[TimedMarker]:
-        """Yield which questionnaire was shown to whom."""
-        rows = StepVisit.objects.filter(
-            participant__study__slug=self._slug, began_at__gte=_at(begin)
-        )
-        for row in rows.select_related("participant__study"):
+        """Yield a marker for each display of a questionnaire to a participant."""
+        own = {"participant__study__slug": self._slug, "began_at__gte": _at(begin)}
+        for row in StepVisit.objects.filter(**own).select_related("participant__study"):
             if row.step in {step.key for step in row.participant.study.as_definition().asking}:
                 marker = Marker(
                     type="questionnaire_shown",

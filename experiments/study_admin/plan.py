@@ -22,7 +22,7 @@ from experiments.analysis.plan.preregistration import preregistration
 from experiments.builder.study_page import StudyPages
 from experiments.dataset.records import FreezeRecord
 from experiments.extraction.answers import questionnaires_of
-from experiments.extraction.freeze import freeze_of
+from experiments.extraction.build import freeze_of
 from experiments.models import Study
 from experiments.research.analysis_cache import command, environment
 from experiments.research.study_access import study_for

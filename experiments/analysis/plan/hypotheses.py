@@ -166,7 +166,7 @@ def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
     rows = tuple(
         (
             words(one.participant, (one.session,) if one.session else ()),
-            *map(words, (one.session, one.rule, one.value, "yes" if one.is_planned else "no")),
+            *map(words, (one.session, one.rule, one.value, "yes" if one.planned else "no")),
         )
         for one in found
     )

@@ -13,9 +13,13 @@ from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.people import NOT_REPORTED, counted_by_kind, table_2
 from experiments.analysis.tables.table import NOTHING, Table, amount, spoken, words
-from experiments.dataset.exclusions import BY_HAND, OF_PLATFORM, excluded_participants
-from experiments.dataset.levels import ASSISTANCE, REPLACED, UNCOUNTED
-from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord
+from experiments.dataset.exclusions import excluded_participants
+from experiments.dataset.levels import ASSISTANCE, BY_HAND, OF_PLATFORM, REPLACED, UNCOUNTED
+from experiments.dataset.records import (
+    COMPLETED,
+    Dataset,
+    ParticipantRecord,
+)
 from experiments.definition.plan import hypotheses_of
 
 NAME = "reporting-sheet"

@@ -1,5 +1,5 @@
 """The formats of an export, by name: each module of this package is one (CONTRIBUTING.md: how to
-add one). Files stand in an export in the order of these names.
+add one). An export has its files in the order of these names.
 """
 
 from experiments.export.format import ExportFormat
@@ -12,7 +12,7 @@ class UnknownFormatError(LookupError):
 
 
 FORMATS = family(__name__, __path__, ExportFormat)
-# Those that somebody may ask for.
+# Those that a user may request.
 ON_REQUEST = {name: one for name, one in FORMATS.items() if one.label}
 
 
@@ -20,7 +20,7 @@ def chosen(choice: Selection) -> list[type[ExportFormat]]:
     """Return the formats of an export, in the order of their files.
 
     Raises:
-        UnknownFormatError: one is asked for that is not there.
+        UnknownFormatError: a requested format does not exist.
     """
     unknown = sorted(set(choice.formats) - set(ON_REQUEST))
     if unknown:

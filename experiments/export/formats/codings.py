@@ -9,6 +9,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
+import numpy as np
 
 from experiments.coding import store
 from experiments.coding.agreement import ReliabilityEstimate
@@ -17,15 +18,21 @@ from experiments.coding.eaf import to_eaf
 from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
 from experiments.dataset.columns import Column
-from experiments.dataset.files import table
 from experiments.dataset.records import Dataset
 from experiments.definition.coding import CodingScheme
-from experiments.export.format import ExportFormat, File, encoded
+from experiments.export.format import ExportFormat, File
 from experiments.extraction.allow_list import coded
 from experiments.extraction.forms import Origin, kept
 from experiments.models import Coding, CodingSchemeVersion, Drive
 
 NO_DATE = "1970-01-01T00:00:00"  # ELAN and BORIS want one, and a dataset has none
+CODE_KINDS = {"point": "a moment", "interval": "a time with a beginning and an end"}
+FIGURES = {
+    "alpha": "Krippendorff's α by time, of all coders",
+    "kappa": "Cohen's κ by time, of two coders",
+    "agreement": "share of the time that two coders coded alike",
+    "event_kappa": "Cohen's κ by events that two coders matched",
+}
 CODINGS = (
     Column("session", "", "code of the session"),
     Column("coder", "", "number of the coder"),
@@ -35,9 +42,7 @@ CODINGS = (
 CODED = (
     *CODINGS[:3],
     Column("code", "", "code of the scheme"),
-    Column("kind", "", "what the code marks").one_of(
-        {"point": "a moment", "interval": "a time with a beginning and an end"}
-    ),
+    Column("kind", "", "what the code marks", levels=CODE_KINDS),
     Column("begin", "s", "since the grant, by the server's clock"),
     Column("end", "s", "since the grant, by the server's clock; empty for a point"),
     Column("modifiers", "", "chosen values by the modifiers' names, as JSON"),
@@ -46,14 +51,7 @@ CODED = (
 AGREEMENT = (
     Column("scheme", "", "version of the coding scheme"),
     Column("code", "", "code of the scheme; all: all codes together"),
-    Column("figure", "", "how agreement is measured").one_of(
-        {
-            "alpha": "Krippendorff's α by time, of all coders",
-            "kappa": "Cohen's κ by time, of two coders",
-            "agreement": "share of the time that two coders coded alike",
-            "event_kappa": "Cohen's κ by events that two coders matched",
-        }
-    ),
+    Column("figure", "", "how agreement is measured", levels=FIGURES),
     Column("coders", "", "numbers of the coders, separated by |"),
     Column("value", "", "of the figure"),
     Column("low", "", "lower end of the 95 % confidence interval"),
@@ -78,24 +76,21 @@ class CodingsFormat(ExportFormat):
     def tables_of(
         cls, _dataset: Dataset, drives: Sequence[Drive]
     ) -> Mapping[str, tuple[Column, ...]]:
-        """Return the columns of its tables; none without codings."""
-        return cls.tables if _schemes(drive.session_id for drive in drives) else {}
+        return cls.tables if _schemes(drives) else {}
 
     def of_study(self) -> Iterator[File]:
-        drives = {drive.session_id: drive for drive in self.source.drives}
-        schemes = _schemes(drives)
+        drives = {drive.session_id for drive in self.source.drives}
+        schemes = _schemes(self.source.drives)
         if not schemes:
             return
         found = {row: [one for one in some if one.session_id in drives] for row, some in schemes}
         every = [(row, coding) for row, some in found.items() for coding in some]
         agreements = [(row.version, agreement_of(row)) for row in found]
-        rows: dict[str, Iterable[Sequence[Any]]] = {
-            "codings": (self._row(*one) for one in every),
-            "coded": (cells for one in every for cells in self._events(*one)),
-            "agreement": (cells for one in agreements for cells in _figures(*one)),
-            "confusion": (cells for one in agreements for cells in _confusions(*one)),
-        }
-        yield from encoded(table(name, rows[name], layout) for name, layout in self.tables.items())
+        table = self.source.table
+        yield table("codings", (self._row(*one) for one in every))
+        yield table("coded", (cells for one in every for cells in self._events(*one)))
+        yield table("agreement", (cells for one in agreements for cells in _figures(*one)))
+        yield table("confusion", (cells for one in agreements for cells in _confusions(*one)))
         for row, codings in found.items():
             yield from self._files(row, codings)
 
@@ -107,7 +102,7 @@ class CodingsFormat(ExportFormat):
         return self._name(coding), f"C{coding.number}", row.version, events
 
     def _released(self, scheme: CodingScheme, coding: Coding) -> list[CodedEvent]:
-        """Return the events of a coding with what an export may contain of them."""
+        """Return the events of a coding with the parts that an export may contain."""
         listed, origin = coded(scheme), Origin(0.0)
         rows = (
             kept(listed, msgspec.structs.asdict(event), self.source.release, origin)
@@ -141,36 +136,34 @@ class CodingsFormat(ExportFormat):
         yield f"{folder}.boris", [to_boris(scheme.codes, observations, "codings", NO_DATE)]
 
 
-def _schemes(sessions: Iterable[Any]) -> list[tuple[CodingSchemeVersion, list[Coding]]]:
+def _schemes(drives: Iterable[Drive]) -> list[tuple[CodingSchemeVersion, list[Coding]]]:
     """Return the schemes by which sessions were coded, with their finished codings."""
-    rows = CodingSchemeVersion.objects.filter(codings__session__in=list(sessions)).distinct()
+    sessions = [drive.session_id for drive in drives]
+    rows = CodingSchemeVersion.objects.filter(codings__session__in=sessions).distinct()
     found = ((row, store.released(row)) for row in rows.order_by("version"))
     return [(row, codings) for row, codings in found if codings]
 
 
 def _figures(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:
-    called = [f"C{number}" for number in agreement.coders]
+    """Yield the rows of the table `agreement`."""
+
+    def row(code: str, figure: str, places: Iterable[int], one: ReliabilityEstimate) -> Any:
+        coders = "|".join(f"C{agreement.coders[place]}" for place in places)
+        return version, code or "all", figure, coders, one.value, one.low, one.high
+
     for one in agreement.found.codes:
-        name = one.code or "all"
-        yield version, name, "alpha", "|".join(called), *_figure(one.alpha)
+        yield row(one.code, "alpha", range(len(agreement.coders)), one.alpha)
         for pair in one.pairs:
-            who = "|".join(called[place] for place in pair.coders)
-            yield version, name, "kappa", who, *_figure(pair.kappa)
-            yield version, name, "agreement", who, *_figure(pair.agreement)
+            yield row(one.code, "kappa", pair.coders, pair.kappa)
+            yield row(one.code, "agreement", pair.coders, pair.agreement)
     for events in agreement.found.events:
-        who = "|".join(called[place] for place in events.coders)
-        yield version, "all", "event_kappa", who, *_figure(events.kappa)
-
-
-def _figure(one: ReliabilityEstimate) -> tuple[float | None, ...]:
-    return one.value, one.low, one.high
+        yield row("", "event_kappa", events.coders, events.kappa)
 
 
 def _confusions(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:
     for pair in agreement.found.events:
         first, second = (f"C{agreement.coders[place]}" for place in pair.coders)
         labels = [*pair.labels, ""]
-        for one, cells in zip(labels, pair.table.astype(int).tolist(), strict=True):
-            for two, count in zip(labels, cells, strict=True):
-                if count:
-                    yield version, first, second, one, two, count
+        for (row, column), count in np.ndenumerate(pair.table.astype(int)):
+            if count:
+                yield version, first, second, labels[row], labels[column], int(count)

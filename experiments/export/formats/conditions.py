@@ -1,38 +1,31 @@
-"""One line a participant and condition: what a program for statistics needs for a test, without
-merging tables.
-"""
+"""One line a participant and condition, so that a statistical test needs no merging of tables."""
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from statistics import fmean
 from typing import Any
 
 from experiments.analysis.metrics.definitions import METRICS
-from experiments.analysis.metrics.sessions import Measured
 from experiments.dataset.columns import Column, amount_of, flag, share
-from experiments.dataset.files import table
 from experiments.dataset.levels import KINDS, OUTCOMES, UNCOUNTED
-from experiments.dataset.records import (
-    Dataset,
-    ParticipantRecord,
-    SessionRecord,
-)
-from experiments.export.format import ExportFormat, ExportSource, File, encoded
+from experiments.dataset.records import Dataset, ParticipantRecord, SessionRecord
+from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.models import Drive
 from surveys.documents import spoken
 from surveys.scoring import ScoredScale, parts_of, scales_of
 
 ABOUT = (
     Column("participant", "", "code of the participant"),
-    Column("kind", "", "who took part").one_of(KINDS),
+    Column("kind", "", "who took part", levels=KINDS),
     Column("condition", "", "assigned condition"),
     amount_of("order", "", "1 for the participant's first condition, by assignment"),
     amount_of("sessions", "", "drives of the participant in this condition, without practice"),
     flag("counts", "1 when a drive counts in the results on participants"),
-    Column("counts_why", "", "why the last drive does not count; empty when one does").one_of(
-        UNCOUNTED
+    Column(
+        "counts_why", "", "why the last drive does not count; empty when one does", levels=UNCOUNTED
     ),
     Column("session", "", "code of the last drive that counts, or of the last one without any"),
-    Column("outcome", "", "how that drive ended").one_of(OUTCOMES),
+    Column("outcome", "", "how that drive ended", levels=OUTCOMES),
 )
 
 
@@ -45,21 +38,20 @@ class ConditionsFormat(ExportFormat):
     def tables_of(
         cls, dataset: Dataset, _drives: Sequence[Drive]
     ) -> Mapping[str, tuple[Column, ...]]:
-        """Return the table, which depends on the study's factors and questionnaires."""
         return {"conditions": condition_columns(dataset)}
 
     def at_last(self) -> Iterator[File]:
-        """Yield the table."""
-        rows = condition_rows(self.source)
-        layout = condition_columns(self.source.dataset)
-        yield from encoded([table("conditions", rows, layout)])
+        yield self.source.table("conditions", condition_rows(self.source))
 
 
 def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
     """Return the columns: factors and scores are called as in the study's plan and measures."""
     factors = (
-        Column(f"factor_{one.key}", "", f"level of the factor: {dataset.say(one.title)}").one_of(
-            {level.key: dataset.say(level.title) for level in one.levels}
+        Column(
+            f"factor_{one.key}",
+            "",
+            f"level of the factor: {dataset.say(one.title)}",
+            levels={level.key: dataset.say(level.title) for level in one.levels},
         )
         for one in dataset.study.factors
     )
@@ -68,15 +60,14 @@ def condition_columns(dataset: Dataset) -> tuple[Column, ...]:
             f"{slug}.{scale.key}",
             "",
             f"score of: {spoken(scale.label, dataset.language) or slug} – {scale.formula}",
-        ).within(*scale.bounds)
+            least=scale.bounds[0],
+            greatest=scale.bounds[1],
+        )
         for slug, scale in _scales(dataset)
     )
-    return (*ABOUT[:3], *factors, *ABOUT[3:], *scores, *map(_averaged, METRICS))
-
-
-def _averaged(metric: Column) -> Column:
-    """Return the column of a metric's mean: that of a flag is a share."""
-    return share(metric.name, metric.meaning) if metric.levels else metric
+    # the mean of a flag is a share
+    means = (share(one.name, one.meaning) if one.levels else one for one in METRICS)
+    return (*ABOUT[:3], *factors, *ABOUT[3:], *scores, *means)
 
 
 def _scales(dataset: Dataset) -> Iterator[tuple[str, ScoredScale]]:
@@ -127,12 +118,8 @@ def _row(
         last.id if last else "",
         last.outcome if last else "",
         *_scores(dataset, person.id, {one.id for one in used}),
-        *(_mean(_values(measured, column.name)) for column in METRICS),
+        *(_mean(one.values[column.name] for one in measured) for column in METRICS),
     )
-
-
-def _values(measured: Sequence[Measured], name: str) -> list[float]:
-    return [value for one in measured if (value := one.values[name]) == value]
 
 
 def _scores(dataset: Dataset, person: str, sessions: set[str]) -> Iterator[float | None]:
@@ -145,9 +132,10 @@ def _scores(dataset: Dataset, person: str, sessions: set[str]) -> Iterator[float
         and (version := versions.get((one.questionnaire, one.version))) is not None
     ]
     for slug, scale in _scales(dataset):
-        found = [scale.score(values) for name, values in own if name == slug]
-        yield _mean([score for score in found if score is not None])
+        yield _mean(scale.score(values) for name, values in own if name == slug)
 
 
-def _mean(values: Sequence[float]) -> float | None:
-    return fmean(values) if values else None
+def _mean(values: Iterable[float | None]) -> float | None:
+    """Return the mean of the values that are known."""
+    known = [one for one in values if one is not None and not math.isnan(one)]
+    return fmean(known) if known else None

@@ -1,6 +1,4 @@
-"""The dataset itself (experiments/dataset/folder.py) and the metrics of every session: as
-CSV, and as JSON what is no table.
-"""
+"""The dataset itself (experiments/dataset/folder.py) and the metrics of every session."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -9,10 +7,10 @@ from experiments.analysis.metrics.definitions import METRICS, VERSION
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.summaries import PROBLEMS, problems_of
 from experiments.dataset.columns import Column
-from experiments.dataset.files import numbers, table, tables
+from experiments.dataset.files import numbers, tables
 from experiments.dataset.records import SessionRecord
 from experiments.definition.schema import Quality
-from experiments.export.format import ExportFormat, ExportSource, File, encoded
+from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.extraction.allow_list import event_columns
 from experiments.extraction.events import events_of
 from experiments.models import Drive
@@ -24,7 +22,9 @@ METRIC_TABLE = (
         "problems",
         "",
         "rules for the record's quality that are not kept; empty: good",
-    ).some_of(PROBLEMS),
+        levels=PROBLEMS,
+        divider="|",
+    ),
     *METRICS,
 )
 
@@ -35,20 +35,16 @@ class DatasetFormat(ExportFormat):
     tables = {"metrics": METRIC_TABLE, "events": event_columns()}
 
     def of_study(self) -> Iterator[File]:
-        """Yield everything but states and network samples."""
         one = self.source
-        events = events_of(one.drives, one.release)
-        yield from encoded(tables(one.dataset, events, one.more))
+        yield from tables(one.dataset, events_of(one.drives, one.release), one.more)
 
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
-        """Yield states and network samples."""
         dataset = self.source.dataset
-        yield from encoded(numbers("states", session.id, dataset.states(session.id)))
-        yield from encoded(numbers("network", session.id, dataset.network(session.id)))
+        yield from numbers("states", session.id, dataset.states(session.id))
+        yield from numbers("network", session.id, dataset.network(session.id))
 
     def at_last(self) -> Iterator[File]:
-        """Yield the metrics of all sessions."""
-        yield from encoded([table("metrics", metric_rows(self.source), METRIC_TABLE)])
+        yield self.source.table("metrics", metric_rows(self.source))
 
 
 def metric_rows(source: ExportSource) -> Iterator[list[Any]]:

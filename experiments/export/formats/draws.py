@@ -1,29 +1,27 @@
-"""How participants were assigned to cells: each draw with what it was decided on, so that it
-can be repeated (experiments/participation/assignment.py).
+"""How participants were assigned to cells: each draw with its inputs, so that it can be repeated
+(experiments/participation/assignment.py).
 """
 
 import json
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from experiments.dataset import levels
 from experiments.dataset.columns import Column, amount_of, share
-from experiments.dataset.files import table
-from experiments.export.format import ExportFormat, File, encoded
-from experiments.models import Draw, Study
+from experiments.dataset.levels import KINDS
+from experiments.export.format import ExportFormat, File
+from experiments.models import Draw
 
+REASONS = {
+    "first": "the first assignment",
+    "again": "again, because the participant had seen nothing of the first",
+}
 DRAWS = (
     Column("number", "", "order of the draws within a kind of participants"),
     Column("participant", "", "code of the participant; empty: not in this dataset"),
-    Column("kind", "", "for whom it was drawn").one_of(levels.KINDS),
+    Column("kind", "", "for whom it was drawn", levels=KINDS),
     amount_of("draw", "", "first, second … draw of the participant"),
-    Column("reason", "", "why it was drawn").one_of(
-        {
-            "first": "the first assignment",
-            "again": "again, because the participant had seen nothing of the first",
-        }
-    ),
-    Column("cell", "", "cell that was drawn").some_of({}, "-"),
+    Column("reason", "", "why it was drawn", levels=REASONS),
+    Column("cell", "", "cell that was drawn", divider="-"),
     Column("best", "", "cells with the lowest score, with | between them"),
     Column("counts", "", "JSON: places taken in each open cell before the draw"),
     Column("scores", "", "JSON: of these, those of participants alike in the balance factors"),
@@ -38,14 +36,11 @@ class DrawsFormat(ExportFormat):
     tables = {"draws": DRAWS}
 
     def of_study(self) -> Iterator[File]:
-        about, there = (
-            self.source.dataset.study,
-            {one.id for one in self.source.dataset.participants},
-        )
-        study = Study.objects.get(slug=about.slug, version=about.version)
-        draws = Draw.objects.filter(study=study).select_related("participant")
-        rows = (self._row(one, there) for one in draws.order_by("kind", "number"))
-        yield from encoded([table("draws", rows, DRAWS)])
+        about = self.source.dataset.study
+        draws = Draw.objects.filter(study__slug=about.slug, study__version=about.version)
+        ordered = draws.select_related("participant").order_by("kind", "number")
+        there = {one.id for one in self.source.dataset.participants}
+        yield self.source.table("draws", (self._row(one, there) for one in ordered))
 
     def _row(self, draw: Draw, there: set[str]) -> Sequence[Any]:
         choice, code = self.source.release.choice, draw.participant.code
@@ -61,6 +56,6 @@ class DrawsFormat(ExportFormat):
             json.dumps(draw.scores),
             json.dumps({} if choice.public else draw.levels),
             draw.best_probability,
-            "" if draw.seed is None else draw.seed,
+            draw.seed,
             draw.at.isoformat() if draw.at is not None and choice.identified else "",
         )

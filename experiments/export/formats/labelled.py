@@ -7,7 +7,7 @@ variable of its own as in the CSV files.
 """
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -16,10 +16,9 @@ from typing import Any
 from django.utils.translation import gettext_lazy as _
 
 from experiments.dataset.columns import Column
-from experiments.dataset.files import as_cell, data_tables
+from experiments.dataset.files import as_cell, data_tables, keyword_values
 from experiments.dataset.levels import MISSING
-from experiments.dataset.names import keyword_values
-from experiments.export.format import ExportFormat, ExportSource, File
+from experiments.export.format import ExportFormat, File
 from experiments.export.formats.conditions import condition_columns, condition_rows
 from experiments.export.formats.dataset import METRIC_TABLE, metric_rows
 
@@ -47,22 +46,20 @@ class LabelledFormat(ExportFormat):
     help = "with files for SPSS and Stata, with labels"
 
     def at_last(self) -> Iterator[File]:
-        """Yield the files."""
-        for name, layout, rows in _tables(self.source):
+        for name, layout, rows in self._tables():
             table = labelled(layout, list(rows))
             for ending in NAME_BYTES:
                 yield f"labelled/{name}.{ending}", [written(table, ending)]
 
-
-def _tables(source: ExportSource) -> Iterator[tuple[str, Sequence[Column], Any]]:
-    dataset = source.dataset
-    questionnaires = keyword_values(one.slug for one in dataset.questionnaires)
-    for one in data_tables(dataset):
-        if one.name not in LEFT_OUT:
-            own = questionnaires.get(one.name)
-            yield f"questionnaire-{own}" if own else one.name, one.layout, one.rows
-    yield "metrics", METRIC_TABLE, metric_rows(source)
-    yield "conditions", condition_columns(dataset), condition_rows(source)
+    def _tables(self) -> Iterator[tuple[str, Sequence[Column], Iterable[Sequence[Any]]]]:
+        dataset = self.source.dataset
+        questionnaires = keyword_values(one.slug for one in dataset.questionnaires)
+        for one in data_tables(dataset):
+            if one.name not in LEFT_OUT:
+                own = questionnaires.get(one.name)
+                yield f"questionnaire-{own}" if own else one.name, one.layout, one.rows
+        yield "metrics", METRIC_TABLE, metric_rows(self.source)
+        yield "conditions", condition_columns(dataset), condition_rows(self.source)
 
 
 @dataclass(frozen=True)
@@ -71,18 +68,14 @@ class Variable:
 
     column: Column
     values: list[Any]
-    labels: Mapping[float, str] = field(default_factory=dict)
-    reasons: Mapping[float, str] = field(default_factory=dict)
-
-    @property
-    def is_number(self) -> bool:
-        """Tell whether no value is a text."""
-        return all(isinstance(one, float) for one in self.values)
+    labels: dict[float, str] = field(default_factory=dict)
+    reasons: dict[float, str] = field(default_factory=dict)
 
     @property
     def measure(self) -> str:
         """The level of measurement, as SPSS calls it."""
-        if not self.is_number or (self.labels and self.column.least is None):
+        is_number = all(isinstance(one, float) for one in self.values)
+        if not is_number or (self.labels and self.column.least is None):
             return "nominal"
         return "ordinal" if self.labels else "scale"
 
@@ -94,7 +87,8 @@ def labelled(layout: Sequence[Column], rows: Sequence[Sequence[Any]]) -> list[Va
 
 
 def _variable(column: Column, table: Mapping[str, list[Any]]) -> Variable:
-    values = [None if one in {"", None} else one for one in map(_plain, table[column.name])]
+    plain = (as_cell(one) if isinstance(one, tuple | dict) else one for one in table[column.name])
+    values = [None if one == "" else one for one in plain]
     known = [one for one in values if one is not None]
     if column.levels and not column.divider and not all(map(NUMBER.fullmatch, column.levels)):
         return _coded(column, [None if one is None else str(one) for one in values])
@@ -118,10 +112,6 @@ def _coded(column: Column, values: Sequence[str | None]) -> Variable:
     return Variable(column, [NAN if one is None else codes[one] for one in values], labels)
 
 
-def _plain(value: Any) -> Any:
-    return as_cell(value) if isinstance(value, tuple | dict) else value
-
-
 # --- files ----------------------------------------------------------------------------------------
 
 
@@ -133,61 +123,42 @@ def written(table: Sequence[Variable], ending: str) -> bytes:
 
     names = variable_names([one.column.name for one in table], NAME_BYTES[ending])
     named = dict(zip(names, table, strict=True))
-    about: dict[str, Any] = {
-        "column_labels": [_cut(_label(one.column), LABEL_BYTES[ending]) for one in table],
+    frame = pd.DataFrame({name: _stored(one.values, ending) for name, one in named.items()})
+    options: dict[str, Any] = {
+        "column_labels": [_label(one.column, LABEL_BYTES[ending]) for one in table],
+        "variable_value_labels": {
+            name: dict(zip(_stored(own, ending), map(_value_label, own.values()), strict=True))
+            for name, one in named.items()
+            if (own := one.labels | one.reasons)
+        },
     }
+    reasons = {name: _stored(one.reasons, ending) for name, one in named.items() if one.reasons}
     with TemporaryDirectory() as folder:
         path = Path(folder, f"table.{ending}")
-        if ending == "sav":
-            frame = pd.DataFrame({name: one.values for name, one in named.items()})
-            pyreadstat.write_sav(frame, path, **about, **_of_spss(named))
-            content = bytearray(path.read_bytes())
-            content[SAV_DATE] = SAV_NEVER
-            return bytes(content)
-        frame = pd.DataFrame(
-            {name: [LETTERS.get(v, v) for v in one.values] for name, one in named.items()}
-        )
-        pyreadstat.write_dta(frame, path, **about, **_of_stata(named))
-        return DTA_DATE.sub(DTA_NEVER, path.read_bytes())
+        if ending == "dta":
+            pyreadstat.write_dta(frame, path, **options, missing_user_values=reasons)
+            return DTA_DATE.sub(DTA_NEVER, path.read_bytes())
+        options["missing_ranges"] = {
+            name: [{"lo": min(own), "hi": max(own)}] for name, own in reasons.items()
+        }
+        options["variable_measure"] = {name: one.measure for name, one in named.items()}
+        pyreadstat.write_sav(frame, path, **options)
+        content = bytearray(path.read_bytes())
+    content[SAV_DATE] = SAV_NEVER
+    return bytes(content)
 
 
-def _of_spss(named: Mapping[str, Variable]) -> dict[str, Any]:
-    return {
-        "variable_value_labels": _value_labels(
-            {name: {**one.labels, **one.reasons} for name, one in named.items()}
-        ),
-        "missing_ranges": {
-            name: [{"lo": min(one.reasons), "hi": max(one.reasons)}]
-            for name, one in named.items()
-            if one.reasons
-        },
-        "variable_measure": {name: one.measure for name, one in named.items()},
-    }
+def _stored(values: Iterable[Any], ending: str) -> list[Any]:
+    """Return values or codes; reasons are letters in Stata."""
+    return [LETTERS.get(one, one) for one in values] if ending == "dta" else [*values]
 
 
-def _of_stata(named: Mapping[str, Variable]) -> dict[str, Any]:
-    letters = {
-        name: {LETTERS[code]: text for code, text in one.reasons.items()}
-        for name, one in named.items()
-    }
-    return {
-        "variable_value_labels": _value_labels(
-            {name: {**one.labels, **letters[name]} for name, one in named.items()}
-        ),
-        "missing_user_values": {name: [*own] for name, own in letters.items() if own},
-    }
+def _value_label(text: str) -> str:
+    return _cut(text, VALUE_LABEL_BYTES)
 
 
-def _value_labels(found: Mapping[str, Mapping[Any, str]]) -> dict[str, dict[Any, str]]:
-    return {
-        name: {value: _cut(text, VALUE_LABEL_BYTES) for value, text in own.items()}
-        for name, own in found.items()
-        if own
-    }
-
-
-def _label(column: Column) -> str:
-    return f"{column.meaning} ({column.unit})" if column.unit else column.meaning
+def _label(column: Column, most: int) -> str:
+    return _cut(f"{column.meaning} ({column.unit})" if column.unit else column.meaning, most)
 
 
 def _cut(text: str, most: int) -> str:
@@ -198,8 +169,8 @@ def _cut(text: str, most: int) -> str:
 
 
 def variable_names(names: Sequence[str], most: int) -> list[str]:
-    """Return names that both programs accept: letters, digits and underscores, in any case
-    different.
+    """Return names that both programs accept: letters, digits and underscores, of which no two are
+    the same without regard to case.
     """
     found: list[str] = []
     for name in names:

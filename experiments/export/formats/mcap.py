@@ -1,13 +1,13 @@
-"""A session as an MCAP file with the schemas of Foxglove, in JSON: it is played back there as a
-robot's own recording is.
+"""A session as an MCAP file with the schemas of Foxglove, in JSON, which Foxglove plays back like a
+robot's own recording.
 
     /pose         foxglove.PoseInFrame       where the robot was
-    /path         foxglove.PosesInFrame      the way that it drove, once
-    /course       foxglove.PosesInFrame      the way that was suggested, once
-    /velocity     telepresence.Velocity      how fast it was
-    /commands     telepresence.Commands      commands applied and refused since the state before,
-    and their greatest age /network      telepresence.Network       the visitor's connection /events
-    foxglove.Log               what happened
+    /path         foxglove.PosesInFrame      its driven path, once
+    /course       foxglove.PosesInFrame      the suggested path, once
+    /velocity     telepresence.Velocity      its measured velocity
+    /commands     telepresence.Commands      commands applied and refused since the previous state
+    /network      telepresence.Network       the visitor's connection
+    /events       foxglove.Log               the events
 
 Schemas are those of https://docs.foxglove.dev/docs/sdk/schemas, as far as they are filled in.
 """
@@ -55,7 +55,6 @@ _POSE = {
     },
 }
 _FRAMED: dict[str, Any] = {"timestamp": _TIME, "frame_id": {"type": "string"}}
-_WORDS = ("message", "name", "file")
 VELOCITY, COMMANDS = ("linear", "angular"), ("commands", "refused", "age_max")
 NETWORK = ("round_trip", "loss", "fps", "bitrate", "freezes", "frame_age")
 
@@ -64,20 +63,21 @@ def _numbers(names: Iterable[str]) -> dict[str, Any]:
     return {"timestamp": _TIME} | {name: {"type": ["number", "null"]} for name in names}
 
 
+_POSES = _FRAMED | {"poses": {"type": "array", "items": _POSE}}
 CHANNELS: dict[str, tuple[str, dict[str, Any]]] = {
     "/pose": ("foxglove.PoseInFrame", _FRAMED | {"pose": _POSE}),
-    "/path": ("foxglove.PosesInFrame", _FRAMED | {"poses": {"type": "array", "items": _POSE}}),
-    "/course": ("foxglove.PosesInFrame", _FRAMED | {"poses": {"type": "array", "items": _POSE}}),
+    "/path": ("foxglove.PosesInFrame", _POSES),
+    "/course": ("foxglove.PosesInFrame", _POSES),
     "/velocity": ("telepresence.Velocity", _numbers(VELOCITY)),
     "/commands": ("telepresence.Commands", _numbers(COMMANDS)),
     "/network": ("telepresence.Network", _numbers(NETWORK)),
     "/events": (
         "foxglove.Log",
         {"timestamp": _TIME, "level": {"type": "integer"}, "line": {"type": "integer"}}
-        | {name: {"type": "string"} for name in _WORDS},
+        | {name: {"type": "string"} for name in ("message", "name", "file")},
     ),
 }
-Message = tuple[float, str, dict[str, Any]]  # when, in seconds since the grant; topic; what
+Message = tuple[float, str, dict[str, Any]]  # seconds since the grant; topic; content
 
 
 class McapFormat(ExportFormat):
@@ -87,21 +87,19 @@ class McapFormat(ExportFormat):
     help = "with a Foxglove recording of each session"
 
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
-        """Yield the recording of a session; only an identified one says when it was."""
+        """Yield the recording of a session; only an identified one has its date."""
         one = self.source
         begin = granted(drive) if one.release.choice.identified else 0.0
         events = events_of([drive], one.release)
-        yield (
-            f"mcap/session-{session.id}.mcap",
-            [recording(one.dataset, session, events, begin=begin)],
-        )
+        content = recording(one.dataset, session, events, begin=begin)
+        yield f"mcap/session-{session.id}.mcap", [content]
 
 
 def recording(
     dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord], *, begin: float = 0.0
 ) -> bytes:
-    """Return a session as an MCAP file; `begin` is the time of the grant in Unix seconds, or 0
-    where that is nobody's business.
+    """Return a session as an MCAP file; `begin` is the time of the grant in Unix seconds, or 0 to
+    keep it secret.
     """
     states, network = dataset.states(session.id), dataset.network(session.id)
     found = [
@@ -114,15 +112,10 @@ def recording(
     writer = Writer(out, compression=CompressionType.ZSTD)
     writer.start(profile="", library="telepresence")
     channels = {topic: _register(writer, topic) for topic in CHANNELS}
-    about = {
-        "session": session.id,
-        "participant": session.participant,
-        "robot": session.robot,
-        "condition": session.condition,
+    about = {"session": session.id} | {
+        name: getattr(session, name) for name in ("participant", "robot", "condition", "outcome")
     }
-    writer.add_metadata(
-        "session", about | {"outcome": session.outcome, "study": dataset.study.slug}
-    )
+    writer.add_metadata("session", about | {"study": dataset.study.slug})
     for number, (at, topic, body) in enumerate(sorted(found, key=lambda message: message[0])):
         nanoseconds = round(max(0.0, begin + at) * NANO)
         stamped = {"timestamp": {"sec": nanoseconds // NANO, "nsec": nanoseconds % NANO}} | body
@@ -154,14 +147,8 @@ def _once(dataset: Dataset, session: SessionRecord, states: Columns) -> Iterator
         points = course.path or tuple((stop.x, stop.y) for stop in course.checkpoints)
         yield 0.0, "/course", {"frame_id": FRAME, "poses": [_pose(x, y, 0.0) for x, y in points]}
     rows = _rows(states, ("x", "y", "theta"))
-    yield (
-        0.0,
-        "/path",
-        {
-            "frame_id": FRAME,
-            "poses": [_pose(x, y, theta) for x, y, theta in rows if math.isfinite(x + y + theta)],
-        },
-    )
+    poses = [_pose(x, y, theta) for x, y, theta in rows if math.isfinite(x + y + theta)]
+    yield 0.0, "/path", {"frame_id": FRAME, "poses": poses}
 
 
 def _pose(x: float, y: float, theta: float) -> dict[str, Any]:
@@ -178,7 +165,7 @@ def _rows(found: Columns, names: Iterable[str]) -> list[list[float]]:
 
 
 def _of_states(states: Columns) -> Iterator[Message]:
-    """By the server's clock, as events are."""
+    """Yield states by the server's clock, as events are."""
     names = ("stamp", "clock_offset", "x", "y", "theta", *VELOCITY, *COMMANDS)
     for stamp, offset, x, y, theta, *rest in _rows(states, names):
         at = stamp - (offset if math.isfinite(offset) else 0.0)
@@ -195,20 +182,11 @@ def _of_network(network: Columns) -> Iterator[Message]:
 
 def _of_events(events: Iterable[EventRecord]) -> Iterator[Message]:
     for event in events:
-        text = (
-            f"{event.type} {json.dumps(event.data, ensure_ascii=False)}"
-            if event.data
-            else event.type
-        )
-        yield (
-            event.stamp,
-            "/events",
-            {"level": INFO, "message": text, "name": event.source, "file": "", "line": 0},
-        )
+        data = json.dumps(event.data, ensure_ascii=False) if event.data else ""
+        body = {"level": INFO, "message": f"{event.type} {data}".rstrip(), "name": event.source}
+        yield event.stamp, "/events", body | {"file": "", "line": 0}
 
 
 def _named(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
-    return {
-        name: value if math.isfinite(value) else None
-        for name, value in zip(names, values, strict=False)
-    }
+    found = zip(names, values, strict=False)
+    return {name: value if math.isfinite(value) else None for name, value in found}

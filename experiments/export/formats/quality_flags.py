@@ -1,4 +1,4 @@
-"""The quality flags of all participants, as CSV: graded, and nobody left out because of them."""
+"""The quality flags of all participants with their grades; they exclude no participant."""
 
 from collections.abc import Iterator
 
@@ -6,10 +6,9 @@ from experiments.analysis.quality.answers import answer_flags
 from experiments.analysis.quality.driving import driving_flags
 from experiments.analysis.quality.flags import network_flags
 from experiments.dataset.columns import Column
-from experiments.dataset.files import table
 from experiments.dataset.records import SessionRecord
 from experiments.definition.recruitment.quality_flags import Flag
-from experiments.export.format import ExportFormat, ExportSource, File, encoded
+from experiments.export.format import ExportFormat, ExportSource, File
 from experiments.models import Drive
 
 MEANINGS = {
@@ -22,17 +21,16 @@ MEANINGS = {
     "same_network": "participants of the study on one network",
     "same_id": "participants of the study with one recruitment id",
 }
+GRADES = {
+    "1": "note: happens to attentive participants as well",
+    "2": "doubtful: worth a look",
+    "3": "serious: hardly compatible with taking part as meant",
+}
 COLUMNS = (
     Column("participant", "", "code of the participant"),
     Column("session", "", "code of the session; empty where the flag is about no single one"),
-    Column("flag", "", "what was found").one_of(MEANINGS),
-    Column("grade", "", "how serious it is").one_of(
-        {
-            "1": "note: happens to attentive participants as well",
-            "2": "doubtful: worth a look",
-            "3": "serious: hardly compatible with taking part as meant",
-        }
-    ),
+    Column("flag", "", "what was found", levels=MEANINGS),
+    Column("grade", "", "how serious it is", levels=GRADES),
     Column("value", "", "what was found, in words and figures"),
 )
 
@@ -52,12 +50,11 @@ class QualityFlagsFormat(ExportFormat):
         yield from ()
 
     def at_last(self) -> Iterator[File]:
-        """Yield the table."""
         dataset = self.source.dataset
         found = [*self._found, *answer_flags(dataset), *network_flags(dataset)]
         found.sort(key=lambda one: (one.participant, -one.grade, one.name, one.value))
-        rows = [
-            [one.participant, one.session, one.name, str(int(one.grade)), one.value]
+        rows = (
+            (one.participant, one.session, one.name, str(int(one.grade)), one.value)
             for one in found
-        ]
-        yield from encoded([table("quality_flags", rows, COLUMNS)])
+        )
+        yield self.source.table("quality_flags", rows)

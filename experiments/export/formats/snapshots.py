@@ -16,24 +16,18 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 class SnapshotsFormat(ExportFormat):
-    """A file a photo; an identified export has them too."""
-
     label = _("with the photos")
     help = "with the photos that were taken"
     least = "researcher"
 
     @classmethod
     def is_in(cls, name: str, choice: Selection) -> bool:
-        """Tell whether they were asked for, or everything was."""
         return choice.identified or super().is_in(name, choice)
 
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
         """Yield the photos of a session in the order in which they were taken."""
-        shots = (
-            Snapshot.objects.filter(session=drive.session)
-            .order_by("stamp")
-            .values_list("jpeg", flat=True)
-        )
+        rows = Snapshot.objects.filter(session=drive.session).order_by("stamp")
+        shots = rows.values_list("jpeg", flat=True)
         for number, jpeg in enumerate(shots.iterator(chunk_size=1), start=1):
             name = f"session-{session.id}-{number}"
             photo = self._photo(bytes(jpeg), name)
@@ -41,8 +35,8 @@ class SnapshotsFormat(ExportFormat):
                 yield f"snapshots/{name}.jpg", [photo]
 
     def _photo(self, jpeg: bytes, name: str) -> bytes | None:
-        """As it was stored where everything is; else the picture alone. One that cannot be taken
-        apart does not leave.
+        """Return a photo as it was stored in an identified export, else without metadata; None for
+        one from which they cannot be removed.
         """
         if self.source.release.choice.identified:
             return jpeg

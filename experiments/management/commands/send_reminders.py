@@ -14,8 +14,6 @@ LEAST_SECONDS = 10.0
 
 
 class Command(BaseCommand):
-    """Sends once, or again and again."""
-
     help = (
         "Send participants the reminders of their appointments and invitations to second sessions "
         "that are due, and delete e-mail addresses that are no longer needed. Run it every few "
@@ -23,9 +21,8 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument(
-            "--every", type=float, metavar="SECONDS", help="keep running and send this often"
-        )
+        text = "keep running and send this often"
+        parser.add_argument("--every", type=float, metavar="SECONDS", help=text)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         every = options["every"]

@@ -1,5 +1,5 @@
-"""`manage.py stream_markers STUDY`: the study's events to the Lab Streaming Layer, and markers of
-other streams into the record.
+"""`manage.py stream_markers STUDY`: sends the study's events to the Lab Streaming Layer, and writes
+the markers of other streams into the record.
 """
 
 import signal
@@ -30,17 +30,11 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("study", help="name of the study")
-        parser.add_argument(
-            "--name", default="", help="name of the stream; default: telepresence-STUDY"
-        )
-        parser.add_argument(
-            "--record",
-            action="append",
-            default=[],
-            metavar="STREAM",
-            help="name of a stream whose markers are recorded; may be repeated",
-        )
+        add = parser.add_argument
+        add("study", help="name of the study")
+        add("--name", default="", help="name of the stream; default: telepresence-STUDY")
+        text = "name of a stream whose markers are recorded; may be repeated"
+        add("--record", action="append", default=[], metavar="STREAM", help=text)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         slug: str = options["study"]
@@ -64,11 +58,7 @@ class Command(BaseCommand):
 
 
 def _lsl() -> Any:
-    """Return the module that needs pylsl, an extra.
-
-    Raises:
-        CommandError: it is not there, or has not found liblsl.
-    """
+    """Return the module that needs pylsl, an extra; without it or liblsl, raise CommandError."""
     try:
         return import_module("experiments.markers.lsl")
     except (ImportError, RuntimeError) as error:
@@ -79,7 +69,7 @@ def _lsl() -> Any:
 
 
 class _Loop:
-    """A step is done ten times a second. Markers that could not be stored wait."""
+    """Runs a step ten times a second, and keeps the markers that could not be stored."""
 
     def __init__(self, slug: str, outlet: Any, inlets: list[Any], say: Any) -> None:
         self._slug, self._outlet, self._inlets, self._say = slug, outlet, inlets, say
@@ -89,7 +79,7 @@ class _Loop:
         self._is_outside = False
 
     def step(self, now: float) -> float:
-        """Pass on the new markers; return the seconds until the next step."""
+        """Publish and record the new markers; return the seconds until the next step."""
         polled = [inlet.poll() for inlet in self._inlets]
         self._waiting.extend(marker for markers, _news in polled for marker in markers)
         for news in (*(news for _markers, news in polled), self._outlet.news()):

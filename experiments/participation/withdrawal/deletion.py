@@ -21,7 +21,7 @@ from django.utils import timezone
 
 from accounts import audit
 from experiments.export import reports
-from experiments.extraction.stages import EXPOSED, stages_of
+from experiments.extraction.people import EXPOSED, stages_of
 from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, not_drawn
 from experiments.participation import progress, questions
 from sessions.leases import store

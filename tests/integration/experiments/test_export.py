@@ -1,5 +1,5 @@
-"""A study as files: whole, summed up, without a word about who took part; and the same report from
-them as from the database.
+"""A study as files: complete, with sums, without identities; and the same report from them as from
+the database.
 """
 
 import csv
@@ -56,9 +56,7 @@ def commented(definition):
 
 @pytest.fixture
 def stored():
-    """A study with four participants, one of whose sessions is excluded, and what nobody may learn
-    of them.
-    """
+    """A study with four participants, one excluded session, and data that identify participants."""
     made = made_up(np.random.default_rng(81), 4)
     first, *rest = made.sessions
     kept = put(
@@ -111,9 +109,9 @@ def exported(study, folder: Path, **choice) -> dict[str, bytes]:
     return contents(folder)
 
 
-def test_nothing_in_an_export_tells_who_took_part_and_when(stored, tmp_path):
+def test_export_contains_no_identity_and_no_date(stored, tmp_path):
     files = exported(stored.study, tmp_path)
-    del files[SUMS]  # any digits may stand in a sum by chance, and its files are all here
+    del files[SUMS]  # a sum may contain any digits by chance
     every = b"\n".join(name.encode() + content for name, content in files.items())
     for person in stored.people.values():
         for secret in (
@@ -139,7 +137,7 @@ def test_nothing_in_an_export_tells_who_took_part_and_when(stored, tmp_path):
         assert secret not in every, secret
 
 
-def test_who_may_have_everything_gets_it(stored, tmp_path):
+def test_identified_export_has_everything(stored, tmp_path):
     files = exported(stored.study, tmp_path, identified=True)
     every = b"\n".join(files.values())
     for secret in (
@@ -192,7 +190,7 @@ def test_the_sums_are_those_of_all_files_and_every_column_is_in_the_code_book(st
             ), name
 
 
-def test_all_sessions_are_there_also_those_that_failed_and_are_empty(tmp_path):
+def test_export_has_all_sessions_also_failed_and_empty_ones(tmp_path):
     made = made_up(np.random.default_rng(82), 4)
     endings = ("connection_refused", "cancelled", "robot_fault", "connection_lost")
     sessions = tuple(
@@ -215,7 +213,7 @@ def test_all_sessions_are_there_also_those_that_failed_and_are_empty(tmp_path):
     assert not (tmp_path / "data" / "states").exists()
 
 
-def test_an_archive_holds_what_the_folder_holds_and_is_the_same_twice(stored, tmp_path):
+def test_archive_has_the_files_of_the_folder_and_the_same_bytes_twice(stored, tmp_path):
     files = exported(stored.study, tmp_path)
     first, second = (b"".join(zipped(export_files(stored.study, Selection()))) for _ in range(2))
     assert first == second
@@ -224,7 +222,7 @@ def test_an_archive_holds_what_the_folder_holds_and_is_the_same_twice(stored, tm
         assert {name: archive.read(name) for name in archive.namelist()} == files
 
 
-def test_an_archive_holds_what_was_given_in_order_whatever_the_sizes_of_its_parts():
+def test_archive_has_its_files_in_order_with_parts_of_any_size():
     files = [
         ("a.csv", [b"1,2\n" * n for n in (1, 90_000, 3)]),
         ("empty.csv", []),
@@ -245,14 +243,14 @@ def test_error_while_an_archive_is_made_ends_it():
         list(zipped(files()))
 
 
-def test_the_same_study_gives_the_same_files_whenever_it_is_exported(stored, tmp_path):
+def test_the_same_study_gives_the_same_files_at_any_time(stored, tmp_path):
     assert exported(stored.study, tmp_path / "a") == exported(stored.study, tmp_path / "b")
 
 
-def test_whoever_withdrew_leaves_a_row_and_nothing_else(stored, tmp_path):
-    gone = stored.people["P001"]
-    Participant.objects.filter(pk=gone.pk).update(
-        status="withdrawn", withdrawn_step="task", slot=str(gone.pk)
+def test_participant_who_withdrew_has_one_row_in_an_export(stored, tmp_path):
+    withdrawn = stored.people["P001"]
+    Participant.objects.filter(pk=withdrawn.pk).update(
+        status="withdrawn", withdrawn_step="task", slot=str(withdrawn.pk)
     )
     exported(stored.study, tmp_path)
     found = read(tmp_path)
@@ -264,7 +262,7 @@ def test_whoever_withdrew_leaves_a_row_and_nothing_else(stored, tmp_path):
     }
 
 
-def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
+def test_bots_and_pilots_are_exported_with_their_kind(stored, tmp_path):
     Participant.objects.filter(code="P000").update(kind="bot")
     exported(stored.study, tmp_path)
     found = read(tmp_path)
@@ -272,7 +270,7 @@ def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
     assert "P000" not in {one.participant for one in counting(found).sessions}
 
 
-def test_an_exported_session_says_whether_it_counts_and_why_not(tmp_path):
+def test_exported_session_has_whether_it_counts_and_why_not(tmp_path):
     made = made_up(np.random.default_rng(81), 4)
     first, second, third, *rest = made.sessions
     still = {"first_motion": float("nan"), "outcome": "cancelled"}
@@ -334,7 +332,7 @@ def test_a_format_that_is_not_there_is_an_error(stored, tmp_path):
     assert contents(tmp_path) == {}
 
 
-def test_every_format_on_request_says_what_it_is_and_who_may_have_it():
+def test_every_format_on_request_has_a_label_a_help_and_a_role():
     assert {"mcap", "snapshots"} <= set(ON_REQUEST) < set(FORMATS)
     for name, one in ON_REQUEST.items():
         assert one.help.startswith("with ")
@@ -342,7 +340,7 @@ def test_every_format_on_request_says_what_it_is_and_who_may_have_it():
         assert one.is_in(name, Selection(formats=frozenset({name})))
 
 
-def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_path):
+def test_mcap_reader_reads_the_recording_of_a_session(stored, tmp_path):
     files = exported(stored.study, tmp_path, formats=frozenset({"mcap"}))
     found = read(tmp_path)
     session = next(one for one in found.sessions if len(found.states(one.id)))
@@ -361,9 +359,7 @@ def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_pat
 
 @pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
-def test_reports_of_the_database_and_of_its_export_made_by_three_processes_are_the_same_bytes(
-    stored, tmp_path
-):
+def test_reports_of_database_and_export_by_three_processes_are_the_same(stored, tmp_path):
     environment = os.environ | {
         "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
         "VAR_DIR": str(tmp_path / "var"),
@@ -406,15 +402,15 @@ def test_a_study_without_participants_is_exported_and_analysed(tmp_path):
     assert (tmp_path / "report" / SUMS).exists()
 
 
-def test_a_dataset_of_bots_alone_says_so_and_how_its_report_is_made(tmp_path):
+def test_readme_of_a_dataset_of_bots_has_the_command_of_its_report(tmp_path):
     made = made_up(np.random.default_rng(7), 2)
     bots = [replace(one, kind="bot") for one in made.participants]
     sessions = [replace(one, kind="bot") for one in made.sessions]
     folder = tmp_path / "dataset"
     write(replace(made, participants=tuple(bots), sessions=tuple(sessions)), folder)
-    said = read_me(replace(made, participants=tuple(bots)))
-    assert "The dataset is of 2 bots." in said
-    assert "--dataset THIS_FOLDER --kind bot --out report" in said
+    text = read_me(replace(made, participants=tuple(bots)))
+    assert "The dataset is of 2 bots." in text
+    assert "--dataset THIS_FOLDER --kind bot --out report" in text
     assert "--dataset THIS_FOLDER --out report" in read_me(made)
     words = ("analyse_study", "--dataset", str(folder), "--out", str(tmp_path / "report"))
     with pytest.raises(CommandError, match="nobody of the kind participant"):
@@ -432,8 +428,8 @@ def test_the_reporting_sheets_of_participants_and_of_bots_are_in_an_export(bots,
         for n, one in enumerate(made.participants)
     ]
     stored = put(replace(made, participants=tuple(people)))
-    said = exported(stored.study, tmp_path)["reporting-sheet.md"].decode()
-    sheets = said.split("# Simulated participants (bots): Reporting sheet\n")
+    text = exported(stored.study, tmp_path)["reporting-sheet.md"].decode()
+    sheets = text.split("# Simulated participants (bots): Reporting sheet\n")
     assert len(sheets) == 2
     assert f"- in the dataset: {2 - bots} participant" in sheets[1]
     assert f"- in this sheet: {bots} bot" in sheets[1]
@@ -441,7 +437,7 @@ def test_the_reporting_sheets_of_participants_and_of_bots_are_in_an_export(bots,
     assert sheets[0].startswith("# Reporting sheet\n") == (bots == 1)
 
 
-def test_a_command_that_cannot_be_obeyed_says_why(stored, tmp_path):
+def test_invalid_options_of_the_command_are_refused_with_a_reason(stored, tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")
     for words, reason in (
@@ -534,9 +530,9 @@ def test_public_dataset_is_of_those_who_agreed_without_exact_ages_and_devices(st
         {row[name] for row in lines(files, "sessions")} for name in ("os", "browser", "network")
     ]
     assert about == [{""}, {""}, {""}]
-    said = files["README.md"].decode()
-    assert "2 participants did not agree to be in it." in said
-    assert "| age_band | 1 | 2 of 2 |" in said
+    text = files["README.md"].decode()
+    assert "2 participants did not agree to be in it." in text
+    assert "| age_band | 1 | 2 of 2 |" in text
     assert "## Anonymity" not in whole["README.md"].decode()
 
 
@@ -568,7 +564,7 @@ def test_every_draw_is_exported_with_what_repeats_it(stored, tmp_path):
     assert lines(public, "draws")[1]["levels"] == "{}"
 
 
-def test_flow_knows_how_far_a_withdrawn_participant_had_come(stored, tmp_path):
+def test_flow_has_the_last_stage_of_a_withdrawn_participant(stored, tmp_path):
     person = next(one for one in stored.people.values() if one.drives.exists())
     withdraw(person, timezone.now())
     (row,) = [
@@ -580,7 +576,7 @@ def test_flow_knows_how_far_a_withdrawn_participant_had_come(stored, tmp_path):
     assert row["age_band"] == row["age"] == ""
 
 
-def test_sessions_say_visit_round_and_versions(stored, tmp_path):
+def test_sessions_have_visit_round_and_versions(stored, tmp_path):
     drive = next(iter(stored.drives.values()))
     versions = {"server": "0.1.0+abc", "agent": "0.2", "definition": stored.study.sha256}
     Drive.objects.filter(pk=drive.pk).update(visit=2, round=1, versions=versions)

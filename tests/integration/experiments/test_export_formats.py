@@ -41,9 +41,9 @@ def stored():
     sessions[0] = replace(sessions[0], excluded="a test drive")
     stored = put(replace(made, sessions=tuple(sessions)))
     Participant.objects.filter(code="P003").update(kind="bot")
-    gone = Participant.objects.get(code="P004")
-    Participant.objects.filter(pk=gone.pk).update(
-        status="withdrawn", withdrawn_step="task", slot=str(gone.pk)
+    withdrawn = Participant.objects.get(code="P004")
+    Participant.objects.filter(pk=withdrawn.pk).update(
+        status="withdrawn", withdrawn_step="task", slot=str(withdrawn.pk)
     )
     return stored
 
@@ -91,7 +91,7 @@ def test_each_participant_has_a_line_for_each_condition(folder):
         )
 
 
-def test_line_of_who_never_moved_the_robot_says_why_it_does_not_count(folder):
+def test_condition_without_a_moved_robot_has_the_reason_why_it_does_not_count(folder):
     rows = {row["participant"]: row for row in table(folder, "conditions")}
     assert (rows["P002"]["counts"], rows["P002"]["counts_why"]) == ("0", "not_driven")
     assert (rows["P003"]["counts"], rows["P003"]["counts_why"]) == ("0", "bot")
@@ -99,13 +99,13 @@ def test_line_of_who_never_moved_the_robot_says_why_it_does_not_count(folder):
 
 def test_every_column_of_the_conditions_is_in_the_code_book(folder):
     book = json.loads((folder / "dataset_description.json").read_text())
-    told = {
+    described = {
         one["name"]
         for one in book["variableMeasured"]
         if one["description"].startswith("conditions: ")
     }
-    assert set(table(folder, "conditions")[0]) == told
-    assert {"experience.overall", "order", "completed", "task_time"} <= told
+    assert set(table(folder, "conditions")[0]) == described
+    assert {"experience.overall", "order", "completed", "task_time"} <= described
 
 
 def test_labelled_files_have_the_rows_of_the_csv_files(folder):
@@ -116,8 +116,8 @@ def test_labelled_files_have_the_rows_of_the_csv_files(folder):
             assert len(frame) == len(rows)
             if name == "sessions":
                 labels = about.variable_value_labels["outcome"]
-                told = [labels[code] for code in frame["outcome"]]
-                assert told.count("the task was completed") == sum(
+                described = [labels[code] for code in frame["outcome"]]
+                assert described.count("the task was completed") == sum(
                     row["outcome"] == "completed" for row in rows
                 )
     assert (folder / "labelled" / "questionnaire-experience.sav").is_file()

@@ -18,7 +18,7 @@ pytestmark = pytest.mark.django_db
 
 @pytest.fixture
 def both():
-    """A dataset that was put into the database, and what comes out."""
+    """A dataset, and the one that is extracted from the database after storing it."""
     made = made_up(np.random.default_rng(71), 12)
     closed = {one.key: tuple(sorted(one.doors_closed)) for one in made.study.conditions}
     made = replace(
@@ -29,7 +29,7 @@ def both():
     return made, stored, dataset_of(stored.study)
 
 
-def test_sessions_come_out_as_they_were_put_in_by_other_names(both):
+def test_sessions_are_extracted_unchanged_but_for_their_names(both):
     made, _, found = both
     assert len(found.sessions) == len(made.sessions)
     for before, after in zip(made.sessions, found.sessions, strict=True):
@@ -52,7 +52,7 @@ def test_sessions_come_out_as_they_were_put_in_by_other_names(both):
             np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=2e-6)
 
 
-def test_states_and_network_come_out_as_they_were_put_in_whatever_the_clocks_said(both):
+def test_states_and_network_are_extracted_unchanged_with_any_clocks(both):
     made, _, found = both
     for before, after in zip(made.sessions, found.sessions, strict=True):
         states, expected, network = (
@@ -71,7 +71,7 @@ def test_states_and_network_come_out_as_they_were_put_in_whatever_the_clocks_sai
 
 
 @pytest.mark.nightly
-def test_people_pages_answers_and_events_come_out_as_they_were_put_in(both):
+def test_people_pages_answers_and_events_are_extracted_unchanged(both):
     made, _, found = both
     derived = {"left": "", "age": 0.0, "age_band": "", "first_cell": "", "stage": ""}
     assert [replace(one, **derived) for one in found.participants] == [
@@ -96,7 +96,7 @@ def test_people_pages_answers_and_events_come_out_as_they_were_put_in(both):
 
 
 @pytest.mark.nightly
-def test_the_tables_are_those_of_the_dataset_that_was_put_in(both):
+def test_tables_of_extracted_and_stored_dataset_are_the_same(both):
     made, _, found = both
     (before,), (after,) = reports(made), reports(found)
     for first, second in zip(before.tables, after.tables, strict=True):

@@ -9,7 +9,7 @@ from django.urls import reverse
 
 from accounts.models import AuditEntry
 from experiments import publishing
-from experiments.extraction.freeze import freeze_of
+from experiments.extraction.build import freeze_of
 from experiments.models import Participant, Study, StudyMember
 from experiments.study_admin.plan import by_test
 from tests.integration.experiments.test_publishing import NOW

@@ -134,7 +134,7 @@ def test_a_point_counts_in_its_bin_and_an_interval_where_it_covers_the_middle():
 
 
 @pytest.mark.parametrize("width", [0.0, -1.0, 1e-6])
-def test_a_width_that_makes_no_sense_is_refused(width):
+def test_invalid_width_of_a_bin_is_refused(width):
     with pytest.raises(ValueError, match="bin"):
         coded_bins([], "a", 100.0, width)
 
@@ -149,7 +149,7 @@ def test_events_match_once_within_the_tolerance():
     assert sizes(one, [], "a", 0.5) == (0, 3, 0)
 
 
-def test_agreement_over_several_sessions_of_coders_of_whom_one_left_some_out():
+def test_agreement_over_several_sessions_of_which_one_coder_skipped_some():
     first = (4.0, [[interval(0, 2)], [interval(0, 2)], None])
     second = (4.0, [[interval(0, 4)], [interval(0, 2)], [interval(0, 4)]])
     (found,) = reliability([first, second], ["b"], width=1.0, tolerance=0.5).codes
@@ -175,7 +175,7 @@ def test_all_codes_together_are_the_set_of_codes_in_a_bin():
     assert together.pairs[0].kappa.value == pytest.approx((2 / 3 - 3 / 9) / (1 - 3 / 9))
 
 
-def test_without_sessions_nothing_is_known():
+def test_agreement_without_sessions_is_unknown():
     found = reliability([], ["b"], width=1.0, tolerance=0.5)
     assert (found.codes[0].alpha.value, found.codes[0].pairs, found.events) == (None, (), ())
 
@@ -194,12 +194,12 @@ def test_events_near_each_other_of_different_codes_are_confusions():
     ]
 
 
-def test_kappa_of_events_is_cohens_where_nothing_is_left_out_by_one():
+def test_kappa_of_events_is_cohens_without_omitted_events():
     table = np.array([[[88.0, 14, 18, 0], [10, 40, 10, 0], [2, 6, 12, 0], [0, 0, 0, 0]]])
     assert event_kappas(table)[0] == pytest.approx(0.492, abs=5e-4)
 
 
-def test_kappa_of_events_takes_the_uncountable_cell_from_what_is_expected():
+def test_kappa_of_events_expects_no_count_in_the_uncountable_cell():
     # Quasi-independence of [[a, b], [c, -]] fits the three cells exactly when b and c are the only
     # ways to disagree: with one code, expected agreement is all of the observed one.
     assert np.isnan(event_kappas(np.array([[[10.0, 0.0], [0.0, 0.0]]]))[0])
@@ -264,7 +264,7 @@ def test_intervals_cover_the_kappa_of_all_sessions_in_95_of_100_studies(sessions
     assert low - 0.01 <= covered <= high + 0.01, covered
 
 
-def test_intervals_hold_the_value_and_shrink_with_more_sessions():
+def test_intervals_contain_the_value_and_shrink_with_more_sessions():
     generator = np.random.default_rng(2)
     few, many = (kappa_of(coded_alike(generator, count)) for count in (8, 200))
     for one in (few, many):

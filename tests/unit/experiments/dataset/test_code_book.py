@@ -42,10 +42,10 @@ def book():
 # --- scores ---------------------------------------------------------------------------------------
 
 
-def test_the_sus_is_told_with_formula_range_and_direction(book):
-    told = book["sus", "sus"]
-    assert (told["minValue"], told["maxValue"]) == (0.0, 100.0)
-    assert told["description"] == (
+def test_code_book_has_formula_range_and_direction_of_the_sus(book):
+    entry = book["sus", "sus"]
+    assert (entry["minValue"], entry["maxValue"]) == (0.0, 100.0)
+    assert entry["description"] == (
         "score of: Using the system – 2.5 × the sum of (answer − 1) of sus1, sus2, sus3, sus4,"
         " sus5, sus6, sus7, sus8, sus9, sus10; empty where one is missing; sus2, sus4, sus6, sus8,"
         " sus10 counted as 6 − answer; from 0 to 100; higher is nearer to “Strongly agree” in sus1,"
@@ -57,22 +57,22 @@ def test_the_sus_is_told_with_formula_range_and_direction(book):
     assert scores(instruments()["sus"], given) == {"sus": 2.5 * sum(one - 1 for one in turned)}
 
 
-def test_the_tlx_is_told_with_the_ends_of_its_items(book):
-    told = book["tlx", "tlx_raw"]["description"]
-    assert "mean of the answers to mental, physical, temporal, performance, effort, frustr" in told
-    assert told.endswith(
+def test_code_book_has_the_ends_of_the_items_of_the_tlx(book):
+    entry = book["tlx", "tlx_raw"]["description"]
+    assert "mean of the answers to mental, physical, temporal, performance, effort, frustr" in entry
+    assert entry.endswith(
         "without weights; empty where one is missing; from 0 to 100; higher is nearer to “Very"
         " high” in mental, physical, temporal, effort, frustration; to “Failure” in performance"
     )
     assert book["tlx", "performance"]["description"].endswith("(0: Perfect; 100: Failure)")
 
 
-def test_every_score_of_every_shipped_scale_says_how_it_is_made(book):
+def test_code_book_explains_every_score_of_every_shipped_scale(book):
     for definition in questionnaires("godspeed", "experience", "tlx", "sus"):
         for scale in scales_of(definition):
-            told = book[definition.slug, scale.name]["description"]
-            assert scale.formula in told
-            assert f"from {scale.bounds[0]:g} to {scale.bounds[1]:g}; higher is nearer to" in told
+            entry = book[definition.slug, scale.name]["description"]
+            assert scale.formula in entry
+            assert f"from {scale.bounds[0]:g} to {scale.bounds[1]:g}; higher is nearer to" in entry
     assert "likeability" in book["godspeed", "score_likeability"]["description"].lower()
 
 
@@ -99,26 +99,24 @@ def levels(entry):
         ("ict", "gender_missing", (*Missing, WITHHELD)),
     ],
 )
-def test_a_coded_column_lists_the_words_of_its_enumeration_with_what_each_means(
-    book, table, name, words
-):
-    told = levels(book[table, name])
-    assert list(told) == list(words)
-    assert all(told.values())
+def test_coded_column_lists_the_meaning_of_each_word_of_its_enumeration(book, table, name, words):
+    entry = levels(book[table, name])
+    assert list(entry) == list(words)
+    assert all(entry.values())
 
 
 def test_the_numbers_of_modes_are_those_of_the_robot_api(book):
     assert tuple(levels(book["states", "mode"]).values()) == get_args(messages.Mode)
 
 
-def test_every_reason_is_explained_and_the_devices_are_those_that_are_told_apart(book):
+def test_code_book_explains_every_reason_and_lists_all_devices(book):
     assert levels(book["sessions", "reason"]) == END_REASONS
     assert all(END_REASONS.values())
     assert set(levels(book["sessions", "os"])) == {*SYSTEMS, "other"}
     assert "other" in levels(book["sessions", "browser"])
 
 
-def test_what_the_study_names_is_listed_with_its_titles(book):
+def test_levels_named_by_the_study_have_its_titles(book):
     study = shipped()["exploration"]
     conditions = levels(book["sessions", "condition"])
     assert conditions == {one.key: one.title["en"] for one in study.conditions}
@@ -126,7 +124,7 @@ def test_what_the_study_names_is_listed_with_its_titles(book):
     assert levels(book["answers", "questionnaire"])["sus"] == "Using the system"
 
 
-def test_a_column_whose_cells_hold_several_words_lists_each_and_what_divides_them(book):
+def test_column_with_several_words_in_a_cell_lists_them_and_their_divider(book):
     study = shipped()["exploration"]
     keys = [one.key for one in study.conditions]
     assert list(levels(book["participants", "cell"])) == keys
@@ -138,8 +136,8 @@ def test_a_column_whose_cells_hold_several_words_lists_each_and_what_divides_the
         ("sessions", "doors_closed"): "|",
         ("sessions", "mismatch"): "|",
     }.items():
-        told = book[table, name]["description"]
-        assert told.endswith(f"; several words are separated by {divider}")
+        entry = book[table, name]["description"]
+        assert entry.endswith(f"; several words are separated by {divider}")
 
 
 def test_a_word_without_a_meaning_is_an_error():
@@ -159,25 +157,25 @@ INSTANTS = [
 ]
 
 
-def test_every_instant_names_its_clock_its_unit_and_where_it_counts_from(book):
+def test_every_time_has_its_clock_its_unit_and_its_zero(book):
     for place in INSTANTS:
-        told = book[place]
-        assert told["unitText"] == "s"
-        assert "since the grant" in told["description"], place
-        assert any(clock in told["description"] for clock in CLOCKS), place
+        entry = book[place]
+        assert entry["unitText"] == "s"
+        assert "since the grant" in entry["description"], place
+        assert any(clock in entry["description"] for clock in CLOCKS), place
 
 
-def test_the_description_says_where_times_begin_and_the_metrics_between_which_events_they_are():
+def test_description_defines_the_zero_of_times_and_the_ends_of_metrics():
     about = description(Dataset(shipped()["exploration"]), {"metrics": METRICS})
     assert "count from the moment at which the server granted the robot" in about["description"]
-    told = {one["name"]: one["description"] for one in about["variableMeasured"]}
+    entry = {one["name"]: one["description"] for one in about["variableMeasured"]}
     for name in ("total_time", "time_to_motion", "task_time", "docking_time"):
-        assert told[name].endswith("by the server's clock")
-    assert STARTED in told["task_time"]
-    assert "its event docked" in told["task_time"]
-    assert STARTED in told["total_time"]
-    assert ENDED in told["total_time"]
+        assert entry[name].endswith("by the server's clock")
+    assert STARTED in entry["task_time"]
+    assert "its event docked" in entry["task_time"]
+    assert STARTED in entry["total_time"]
+    assert ENDED in entry["total_time"]
 
 
-def test_docked_is_told_with_the_seconds_of_its_rule(book):
+def test_code_book_has_the_seconds_of_the_rule_of_docking(book):
     assert f"for {docked.DOCKED.seconds:g} s" in book["states", "docked"]["description"]

@@ -48,7 +48,7 @@ def test_chosen_kinds_alone_count():
     assert counted(counting(dataset, ("participant", "bot"))) == COUNTING | {"bot-1"}
 
 
-def test_an_exported_session_says_why_it_does_not_count():
+def test_every_session_has_the_reason_why_it_does_not_count():
     found = {one.id: one.counts_why for one in with_reasons(every_ending()).sessions}
     assert {key for key, why in found.items() if not why} == COUNTING
     assert (found["practice"], found["pilot-1"], found["bot-1"]) == ("practice", "pilot", "bot")
@@ -70,7 +70,7 @@ def test_the_reasons_survive_a_folder(tmp_path):
 @pytest.mark.parametrize(
     ("rule", "missing"), [("first", {"again-2"}), ("last", {"again-1"}), ("all", set())]
 )
-def test_the_study_says_which_of_several_drives_in_a_condition_counts(rule, missing):
+def test_study_decides_which_of_several_drives_in_a_condition_counts(rule, missing):
     dataset = every_ending(analysis={"drives": rule})
     assert counted(counting(dataset)) == COUNTING - missing
     assert {one.id for one in counting(dataset).others if one.counts_why == "repeated"} == missing
@@ -153,7 +153,7 @@ def test_a_round_is_no_visit():
     assert (rows["drove a robot"], rows["came back"]) == (1, 0)
 
 
-def test_who_came_back_has_a_second_visit():
+def test_participant_who_returns_has_a_second_visit():
     found = counting(every_ending())
     assert visits_of(found.sessions)["again-2"] == 2
     rows = {row[1].text: row[2] for row in participants_table(found).rows}

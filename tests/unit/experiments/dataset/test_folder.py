@@ -1,4 +1,4 @@
-"""A dataset as a folder: nothing differs after reading it back, and what is broken is named."""
+"""A dataset as a folder: it is read without a difference, and a broken file is named."""
 
 import json
 import math
@@ -77,20 +77,20 @@ def test_writing_what_was_read_gives_the_same_bytes(folder, tmp_path_factory):
     assert all((folder / name).read_bytes() == (second / name).read_bytes() for name in names)
 
 
-def test_every_column_of_every_file_stands_in_the_code_book(folder):
+def test_every_column_of_every_file_is_in_the_code_book(folder):
     book = json.loads((folder / "dataset_description.json").read_text())
     assert {"name", "description", "schemaVersion", "variableMeasured"} <= set(book)
-    told = {entry["name"] for entry in book["variableMeasured"]}
+    described = {entry["name"] for entry in book["variableMeasured"]}
     for path in (folder / "data").rglob("*_data.csv"):
-        assert set(path.read_text().split("\n", 1)[0].split(",")) <= told, path.name
+        assert set(path.read_text().split("\n", 1)[0].split(",")) <= described, path.name
 
 
 def test_the_code_book_names_the_option_of_a_column_with_its_place(tmp_path):
     asked = (defined([item("ranking", "r"), item("text", "t")]),)
     write(Dataset(shipped()["exploration"], questionnaires=asked), tmp_path)
     book = json.loads((tmp_path / "dataset_description.json").read_text())
-    told = {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
-    assert {name: told[name] for name in ("r.a", "r.c", "r_missing", "t")} == {
+    described = {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
+    assert {name: described[name] for name in ("r.a", "r.c", "r_missing", "t")} == {
         "r.a": "test: Text of r – A",
         "r.c": "test: Text of r – C",
         "r_missing": "test: why there is no answer to: Text of r",
@@ -98,14 +98,14 @@ def test_the_code_book_names_the_option_of_a_column_with_its_place(tmp_path):
     }
 
 
-def test_what_a_spreadsheet_takes_for_a_formula_is_defused_and_comes_back_as_it_was(tmp_path):
-    said = '=HYPERLINK("x")\nsecond "line", with comma\r=1+1;-cmd\t@x'
+def test_formulas_of_spreadsheets_are_guarded_and_read_unchanged(tmp_path):
+    formulas = '=HYPERLINK("x")\nsecond "line", with comma\r=1+1;-cmd\t@x'
     dataset = Dataset(
         shipped()["exploration"],
         participants=(ParticipantRecord("a", left="'quoted"),),
         sessions=(
             SessionRecord(
-                "s", "a", "giraff", reason=said, doors_closed=("lab-door", "lounge-door")
+                "s", "a", "giraff", reason=formulas, doors_closed=("lab-door", "lounge-door")
             ),
         ),
         events=(EventRecord("s", -1.5, "page", "cue", {"ä": [1, "|"]}),),
@@ -123,13 +123,13 @@ def test_what_a_spreadsheet_takes_for_a_formula_is_defused_and_comes_back_as_it_
     written = (tmp_path / "data" / "description-sessions_data.csv").read_bytes().decode()
     assert not re.search(r"[;\t\r\n]\"*[=@-]", written)
     again = read(tmp_path)
-    assert again.sessions[0].reason == said
+    assert again.sessions[0].reason == formulas
     assert again.sessions[0].doors_closed == ("lab-door", "lounge-door")
     assert again.participants[0].left == "'quoted"
     assert (again.events, again.responses) == (dataset.events, dataset.responses)
 
 
-def test_numbers_come_back_with_all_their_digits(tmp_path):
+def test_numbers_are_read_with_all_their_digits(tmp_path):
     values = [0.1, 1e-17, 1.0 / 3.0, 123456789.123456789, -0.0, 1e300, 5.0]
     for file in numbers("states", "s", columns_of(STATES, x=values)):
         put(file, tmp_path)
@@ -245,10 +245,10 @@ def test_a_code_that_is_no_name_of_a_file_is_refused(tmp_path, code):
         )
 
 
-def test_the_code_book_says_which_items_are_stored_as_answered_but_scored_in_reverse(tmp_path):
+def test_code_book_marks_items_that_are_scored_in_reverse(tmp_path):
     asked = defined([item("likert", "a"), item("likert", "b", reverse=True)], scoring="likert")
     write(Dataset(shipped()["exploration"], questionnaires=(asked,)), tmp_path)
     book = json.loads((tmp_path / "dataset_description.json").read_text())
-    told = {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
-    assert told["a"] == "test: Text of a"
-    assert told["b"].startswith("test: Text of b (reverse-coded: stored as answered")
+    described = {entry["name"]: entry["description"] for entry in book["variableMeasured"]}
+    assert described["a"] == "test: Text of a"
+    assert described["b"].startswith("test: Text of b (reverse-coded: stored as answered")

@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.dataset.code_book import description
+from experiments.dataset.files import keyword_values, questionnaire_paths
 from experiments.dataset.folder import read, write
-from experiments.dataset.names import keyword_values, questionnaire_paths
 from experiments.dataset.records import Dataset
 from experiments.definition.publication import Author, PublicationDetails
 from experiments.definition.shipped import shipped
@@ -79,13 +79,13 @@ def test_file_names_of_different_questionnaires_differ(slugs):
     assert len({value.casefold() for value in values.values()}) == len(slugs)
 
 
-def test_names_that_would_be_the_same_stay_apart_and_others_stay_readable():
+def test_names_that_would_be_the_same_differ_and_others_are_readable():
     values = keyword_values(["a-b", "aB", "ab", "nasa-tlx"])
     assert values["nasa-tlx"] == "nasaTlx"
     assert len({value.casefold() for value in values.values()}) == 4
 
 
-def test_publication_details_are_said_in_words_of_schema_org_and_come_back(dataset, folder):
+def test_publication_details_are_written_in_words_of_schema_org_and_read(dataset, folder):
     book = json.loads((folder / "dataset_description.json").read_text())
     first = book["author"][0]
     assert first["@type"] == "Person"
@@ -96,7 +96,7 @@ def test_publication_details_are_said_in_words_of_schema_org_and_come_back(datas
     assert read(folder).publication == DETAILS
 
 
-def test_what_is_not_known_is_left_out_and_named(tmp_path):
+def test_missing_publication_details_are_left_out_and_named(tmp_path):
     write(Dataset(shipped()["exploration"]), tmp_path)
     book = json.loads((tmp_path / "dataset_description.json").read_text())
     assert "author" not in book
@@ -110,15 +110,20 @@ def test_columns_have_their_levels_and_ranges():
     kinds = {"likert": "l", "slider": "s", "single": "o", "multiple": "m"}
     asked = (defined([item(kind, key) for kind, key in kinds.items()]),)
     book = description(Dataset(shipped()["exploration"], questionnaires=asked))
-    told = {
+    described = {
         (one["description"].split(":")[0], one["name"]): one for one in book["variableMeasured"]
     }
-    kind = told["participants", "kind"]
+    kind = described["participants", "kind"]
     assert [one["value"] for one in kind["valueReference"]] == ["participant", "pilot", "bot"]
-    mode = {one["value"]: one["description"] for one in told["states", "mode"]["valueReference"]}
+    mode = {
+        one["value"]: one["description"] for one in described["states", "mode"]["valueReference"]
+    }
     assert mode["3"] == "docking"
-    assert (told["states", "charge"]["minValue"], told["states", "charge"]["maxValue"]) == (0, 1)
-    own = {name: one for (table, name), one in told.items() if table == "test"}
+    assert (
+        described["states", "charge"]["minValue"],
+        described["states", "charge"]["maxValue"],
+    ) == (0, 1)
+    own = {name: one for (table, name), one in described.items() if table == "test"}
     assert own["s"]["minValue"] < own["s"]["maxValue"]
     assert own["l"]["valueReference"]
     assert own["o"]["valueReference"]

@@ -13,14 +13,19 @@ from tests.support.analysis.study_dataset import made_up
 
 LAYOUT = (
     Column("id", "", "code", is_text=True),
-    Column("kind", "", "who took part").one_of({"participant": "took part", "bot": "a program"}),
+    Column("kind", "", "who took part", levels={"participant": "took part", "bot": "a program"}),
     amount_of("seconds", "s", "how long it took"),
     flag("finished", "1 when it was finished"),
-    Column("q1", "", "I could drive the robot well")
-    .within(-2, 2)
-    .one_of({"-2": "not at all", "2": "very well"}),
-    Column("q1_missing", "", "why there is no answer").one_of(MISSING),
-    Column("doors", "", "closed doors").some_of({"lab": "", "hall": ""}),
+    Column(
+        "q1",
+        "",
+        "I could drive the robot well",
+        least=-2,
+        greatest=2,
+        levels={"-2": "not at all", "2": "very well"},
+    ),
+    Column("q1_missing", "", "why there is no answer", levels=MISSING),
+    Column("doors", "", "closed doors", levels={"lab": "", "hall": ""}, divider="|"),
     Column("r.a", "", "place of A"),
     Column("2nd", "", "ä" * 200),
 )
@@ -39,7 +44,7 @@ def read_back(ending, tmp_path, layout=LAYOUT, rows=ROWS, **options):
 
 
 @pytest.mark.parametrize("ending", ["sav", "dta"])
-def test_values_and_labels_come_back(ending, tmp_path):
+def test_values_and_labels_are_read_unchanged(ending, tmp_path):
     frame, about = read_back(ending, tmp_path)
     names = variable_names([column.name for column in LAYOUT], 32)
     assert list(frame) == names
@@ -99,7 +104,7 @@ def test_names_are_valid_in_both_programs_and_differ():
 
 
 @pytest.mark.parametrize("ending", ["sav", "dta"])
-def test_tables_of_a_whole_dataset_come_back(ending, tmp_path):
+def test_tables_of_a_whole_dataset_are_read_unchanged(ending, tmp_path):
     dataset = made_up(np.random.default_rng(4), 6)
     for one in data_tables(dataset):
         if one.name in {"events", "answers"}:

@@ -1,4 +1,4 @@
-"""Of every kind of message and event somebody has decided what may leave, field by field."""
+"""Every field of every kind of message and event has a form in the allow list."""
 
 import ast
 import inspect
@@ -52,35 +52,35 @@ def leaves(source: str, kind: str, data: dict, *, offset: float = 0.0, **choice)
     return released(source, kind, data, release, Origin(GRANTED, offset))
 
 
-# --- nothing is undecided -------------------------------------------------------------------------
+# --- every field is listed ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("kind", kinds(), ids=lambda kind: kind.__qualname__)
-def test_of_every_kind_of_message_it_is_decided_what_may_leave(kind):
+def test_every_kind_of_message_has_its_forms(kind):
     assert (kind in MESSAGES) != (kind in KEPT_BACK), f"{kind.__qualname__}: {DECIDE}"
     undecided = names(kind) - set(MESSAGES.get(kind, names(kind)))
     assert not undecided, f"{kind.__qualname__}.{sorted(undecided)}: {DECIDE}"
 
 
-def test_nothing_is_listed_that_is_not_there():
+def test_every_listed_message_and_field_exists():
     for kind, listed in MESSAGES.items():
         assert set(listed) == names(kind), kind
     assert set(kinds()) >= KEPT_BACK
 
 
 def test_every_type_of_a_robots_event_is_listed():
-    told = {*get_args(messages.Event.__annotations__["type"]), "action"}
-    missing, gone = told - set(EVENTS["robot"]), set(EVENTS["robot"]) - told
+    types = {*get_args(messages.Event.__annotations__["type"]), "action"}
+    missing, removed = types - set(EVENTS["robot"]), set(EVENTS["robot"]) - types
     assert not missing, f"event {sorted(missing)} of robots: {DECIDE}"
-    assert not gone
-    for kind in told - {"action"}:
+    assert not removed
+    for kind in types - {"action"}:
         undecided = names(messages.Event) - set(EVENTS["robot"][kind])
         assert not undecided, f"{kind}.{sorted(undecided)}: {DECIDE}"
 
 
 def test_every_event_of_a_task_is_listed_with_every_field():
-    told = set(get_args(EventType))
-    assert told == set(EVENTS["task"]), f"{sorted(told ^ set(EVENTS['task']))}: {DECIDE}"
+    types = set(get_args(EventType))
+    assert types == set(EVENTS["task"]), f"{sorted(types ^ set(EVENTS['task']))}: {DECIDE}"
     whole = set(inspect.signature(ProgressEvent).parameters) - {"at", "type"}
     stored = {"sight": "facing"}  # as ProgressEvent.data() calls it
     listed = {name for fields in EVENTS["task"].values() for name in fields}
@@ -105,7 +105,7 @@ def written_by(*folders: str) -> set[str]:
     return found
 
 
-def test_every_event_that_the_server_writes_down_is_listed():
+def test_every_event_that_the_server_records_is_listed():
     written = written_by("sessions", "experiments")
     assert {"first_motion", "staff_called", "states_missing", "operator_end"} <= written
     moved = {"connecting", "reconnecting", "driving"}
@@ -128,21 +128,21 @@ def reported() -> set[str]:
 
 
 def test_every_event_that_the_page_reports_is_listed():
-    told = reported()
-    assert {"cue_shown", "layout", "microphone", "camera", "check", "practice_ended"} <= told
+    types = reported()
+    assert {"cue_shown", "layout", "microphone", "camera", "check", "practice_ended"} <= types
     lost = set(
         re.findall(r'letGo\("(\w+)"\)', (ROOT / "static/js/input/focus_loss.js").read_text())
     )
     assert lost == {"blur", "pagehide", "hidden"}
-    undecided = (told | lost) - set(EVENTS["page"])
+    undecided = (types | lost) - set(EVENTS["page"])
     assert not undecided, f"event {sorted(undecided)} of pages: {DECIDE}"
 
 
-def test_of_every_field_of_a_coded_event_it_is_decided_whether_it_leaves():
+def test_every_field_of_a_coded_event_has_a_form():
     assert set(CODING_EDIT) == {one.name for one in CodingEdit._meta.concrete_fields}, DECIDE
 
 
-def test_of_a_coded_event_only_the_words_of_its_scheme_leave():
+def test_coded_event_leaves_with_the_words_of_its_scheme_alone():
     help_ = Code("help", "Help", "point", modifiers=(Modifier("whom", ("robot",)),))
     listed = coded(CodingScheme(codes=(help_,)))
     event = {"code": "help", "begin": 1.5, "end": None, "comment": "Ada", "at": 5.0}
@@ -155,7 +155,7 @@ def test_of_a_coded_event_only_the_words_of_its_scheme_leave():
 # --- what leaves ----------------------------------------------------------------------------------
 
 
-def test_an_action_keeps_how_it_went_and_its_ids_hashes_and_times_do_not_leave():
+def test_action_leaves_with_its_result_but_without_ids_hashes_and_times():
     data = {
         "actionId": PHOTO,
         "status": "FINISHED",
@@ -170,7 +170,7 @@ def test_an_action_keeps_how_it_went_and_its_ids_hashes_and_times_do_not_leave()
     }
 
 
-def test_a_photo_has_one_pseudonym_wherever_it_is_named():
+def test_photo_has_the_same_pseudonym_in_every_event():
     answered = leaves("page", "photo_answer", {"choice": "keep", "photo": PHOTO})
     kept = leaves("task", "photo_kept", {"name": PHOTO, "number": 2})
     assert answered == {"choice": "keep", "photo": RELEASE.names.thing(PHOTO)}
@@ -202,7 +202,7 @@ def test_the_name_of_the_visitor_in_a_robots_event_does_not_leave():
         ("task", "task_ended", {"name": "completed"}),
     ],
 )
-def test_what_researchers_need_leaves_as_it_is(source, kind, data):
+def test_known_words_and_measures_leave_unchanged(source, kind, data):
     assert leaves(source, kind, data) == data
 
 
@@ -223,18 +223,18 @@ def test_what_researchers_need_leaves_as_it_is(source, kind, data):
         ("task", "door_passed", {"name": "zoe"}),
     ],
 )
-def test_what_is_not_what_the_form_expects_does_not_leave(source, kind, data):
+def test_value_that_does_not_fit_its_form_does_not_leave(source, kind, data):
     found = leaves(source, kind, data)
     assert found in ({}, {"result": {}}), found
 
 
 @pytest.mark.parametrize("source", ["robot", "server", "page", "task", "nobody"])
-def test_an_event_of_a_kind_that_is_not_listed_does_not_leave(source):
+def test_event_of_an_unlisted_kind_does_not_leave(source):
     assert leaves(source, "zoe", {"number": 1}) is None
 
 
 @pytest.mark.parametrize("source", sorted(EVENTS))
-def test_nothing_recognisable_leaves_by_any_event_whatever_message_it_holds(source):
+def test_no_event_leaks_a_recognisable_value_of_any_message(source):
     fill, known = Filler(GRANTED + 12.5), Known(times=[GRANTED])
     held = [as_stored(fill.message(kind)) for kind in kinds()] + [fill.anything()]
     left = {}
@@ -262,7 +262,7 @@ def test_every_field_of_every_message_is_filled():
         assert not empty, kind
 
 
-def test_what_people_wrote_leaves_where_free_text_is_asked_for_and_ids_in_it_do_not():
+def test_free_text_leaves_on_request_without_the_ids_in_it():
     data = {"text": f"Mind the cat {PHOTO}", "user": PHOTO}
     found = leaves("server", "operator_message", data, free_text=True)
     assert found == {"text": f"Mind the cat {RELEASE.names.thing(PHOTO)}"}
@@ -274,27 +274,27 @@ def test_an_identified_dataset_has_everything():
 
 
 def test_the_code_book_lists_every_type_of_event_with_its_fields_and_their_words():
-    (told,) = [one.levels for one in allow_list.event_columns() if one.name == "type"]
-    assert set(told) == {kind for kinds in EVENTS.values() for kind in kinds}
-    assert told["gamepad"] == "page: there, stick (left | right)"
-    assert told["task_ended"].startswith("task: number, pose (x, y, theta), facing (")
-    assert "name (completed | timed_out | " in told["task_ended"]
-    assert told["collision"].endswith("detail (some of ahead | left | behind | right)")
-    assert "reason (begins_anew | idle | " in told["ended"]
-    assert "user" not in told["operator_message"]
-    assert "robot: " in told["docked"]
-    assert "; or task: " in told["docked"]
+    (types,) = [one.levels for one in allow_list.event_columns() if one.name == "type"]
+    assert set(types) == {kind for kinds in EVENTS.values() for kind in kinds}
+    assert types["gamepad"] == "page: there, stick (left | right)"
+    assert types["task_ended"].startswith("task: number, pose (x, y, theta), facing (")
+    assert "name (completed | timed_out | " in types["task_ended"]
+    assert types["collision"].endswith("detail (some of ahead | left | behind | right)")
+    assert "reason (begins_anew | idle | " in types["ended"]
+    assert "user" not in types["operator_message"]
+    assert "robot: " in types["docked"]
+    assert "; or task: " in types["docked"]
 
 
-def test_why_a_session_ended_leaves_when_it_is_a_known_word():
+def test_end_reason_leaves_if_it_is_a_known_word():
     assert allow_list.end_reason("visitor_silent", RELEASE) == "visitor_silent"
     assert allow_list.end_reason("zoe", RELEASE) == ""
 
 
-def test_what_a_hidden_operator_did_leaves_with_a_pseudonym_and_without_what_was_said():
-    told = {"step": "hello", "id": "a1", "deviation": "late", "skipped": 0, "by": "9f2c"}
+def test_acts_of_a_hidden_operator_leave_with_a_pseudonym_and_without_text():
+    step = {"step": "hello", "id": "a1", "deviation": "late", "skipped": 0, "by": "9f2c"}
     assert set(wizard_kinds()) <= set(EVENTS["server"])
-    left = leaves("server", "wizard_step", told)
+    left = leaves("server", "wizard_step", step)
     assert (left["step"], left["deviation"], left["skipped"]) == ("hello", "late", 0)
     assert left["by"] == RELEASE.names.thing("9f2c")
     assert leaves("server", "wizard_step", {"step": "Ada Lovelace", "by": "9f2c"}).keys() == {"by"}

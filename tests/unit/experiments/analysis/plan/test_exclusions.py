@@ -117,4 +117,4 @@ def test_platform_faults_and_researchers_exclude_a_session_and_nobody():
         ("P1", "researcher's decision", "a visitor looked on"),
     ]
     assert excluded_participants(counting(data).exclusions) == frozenset()
-    assert not any(one.is_planned for one in counting(data).exclusions)
+    assert not any(one.planned for one in counting(data).exclusions)
