@@ -156,7 +156,7 @@ def test_a_program_reads_the_status_of_an_id(client, study, ada, key):
 
 
 def test_a_long_list_comes_in_pages(client, study, ada, key, monkeypatch):
-    monkeypatch.setattr(api, "MOST_LISTED", 1)
+    monkeypatch.setattr(api, "MAX_LISTED", 1)
     p.comer(study, person("bob"))
     first = ask(client, key).json()
     second = ask(client, key, after=first["next"]).json()
