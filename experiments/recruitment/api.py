@@ -71,9 +71,7 @@ def study(request: HttpRequest, slug: str) -> JsonResponse:
 @never_cache
 @require_safe
 def participants(request: HttpRequest, slug: str) -> JsonResponse:
-    """List a study's participants in all versions; `?id=` chooses those with a recruitment id,
-    `?after=` continues after a participant's code.
-    """
+    """List participants with a recruitment id (`?id=`), or after a code (`?after=`)."""
     if (refusal := _refusal(request, slug)) is not None:
         return refusal
     rows = Participant.objects.filter(study__slug=slug, kind=ParticipantKind.PARTICIPANT)

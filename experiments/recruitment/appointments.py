@@ -105,9 +105,7 @@ def book(
 
 
 def plan_second_session(participant: Participant, now: datetime.datetime) -> None:
-    """Set when to invite a participant who finished the first visit to the second, if they gave an
-    address.
-    """
+    """Set when to send the invitation to the second session, if there is an address."""
     asked = participant.study.as_definition().appointments
     if asked is None or asked.second_after_days is None or participant.visit != 1:
         return

@@ -14,9 +14,7 @@ HEAD = (
 
 
 def payment_rows(study: Study) -> Iterator[Sequence[Any]]:
-    """Yield the table of all versions of a study, head first, without pilots, bots and participants
-    who withdrew, whose ids are deleted.
-    """
+    """Yield the table of all versions, head first, of participants who may be paid."""
     # with NumPy, which pages about other things need not load
     from experiments.recruitment.quality import flag_cells  # noqa: PLC0415
 

@@ -12,9 +12,7 @@ from experiments.models import Participant, ParticipantKind, Study
 
 
 def flags_of_study(study: Study, participants: Iterable[str] | None = None) -> tuple[Flag, ...]:
-    """Return the flags of a study's participants, or of those with some codes, from all of their
-    sessions.
-    """
+    """Return the flags of a study's participants, or of those with some codes."""
     codes = None if participants is None else set(participants)
     dataset = dataset_of(study, drives=list(drives_of(study)))
     same = (one for one in same_id_flags(study) if codes is None or one.participant in codes)
@@ -37,9 +35,7 @@ def same_id_flags(study: Study) -> Iterator[Flag]:
 
 
 def flag_cells(study: Study) -> dict[str, str]:
-    """Return the flags of each participant, by code, as one cell of a table:
-    `never_moved:3|speeding:2`, each flag with its highest grade.
-    """
+    """Return the flags of each participant, by code, as text: `never_moved:3|speeding:2`."""
     grades: dict[str, dict[str, int]] = defaultdict(dict)
     for one in flags_of_study(study):
         own = grades[one.participant]

@@ -33,9 +33,7 @@ def fields(study: Study, parameters: Mapping[str, str], kind: str) -> dict[str, 
 
 
 def recruited_as(slug: str, identifier: str) -> str:
-    """Return the unique key of an id in a study: a hash, because ids have no maximal length and
-    databases differ in whether they distinguish case.
-    """
+    """Return the unique key of an id: a hash, because some databases ignore case."""
     return f"{slug}:{sha256(identifier.encode()).hexdigest()}"
 
 
@@ -48,9 +46,7 @@ def known(study: Study, came: Arrival) -> Participant | None:
 
 
 def is_confirmed(participant: Participant, came: Arrival) -> bool:
-    """Tell whether a link names the submission with which the participant began. Sites without
-    submissions name none in either.
-    """
+    """Tell whether a link names the participant's first submission, or the site has none."""
     own = participant.recruitment
     first = own.get(FIRST_SUBMISSION) or arrival_of(participant.study, own).session
     return bool(first == came.session)

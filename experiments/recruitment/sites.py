@@ -102,9 +102,7 @@ def arrival(recruiting: Recruiting | None, parameters: Mapping[str, str]) -> Arr
 def return_address(
     recruiting: Recruiting | None, parameters: Mapping[str, str], ending: Ending, code: str
 ) -> str:
-    """Return the address to which a participant returns at the end; empty when they came from no
-    site, or their ending has no address.
-    """
+    """Return the address to which a participant returns at the end; may be empty."""
     came = arrival(recruiting, parameters)
     profile = PROFILES.get(came.site, UNKNOWN)
     asked = recruiting or ANY

@@ -14,7 +14,7 @@ when its turn would be over.
 import datetime
 import math
 import uuid
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -139,39 +139,32 @@ class Runner:
         self._foreign: set[str] = set()
         self._settler = Settler()
 
-    def on_state(
-        self,
-        *,
-        robot: str,
-        session: str,
-        state: State,
-        received_at: float,
-        clock_offset: float | None,
-        **_more: object,
-    ) -> None:
-        running = self._of(session)
-        if running is None or running.drive.session.robot.name != robot:
-            return
-        offset = _offset(running.drive, clock_offset)
-        if offset is not None:
-            running.feed(seen(state, offset))
-            self._advance(running, received_at)
+    def on_state(self, *, state: State, **about: Any) -> None:
+        self._take(lambda offset: None if offset is None else seen(state, offset), **about)
 
-    def on_message(
+    def on_message(self, *, message: object, received_at: float, **about: Any) -> None:
+        """Take an event, the end of an action, or a page's message, whose `robot` is empty."""
+        self._take(
+            lambda offset: of_message(message, received_at, offset or 0.0),
+            received_at=received_at,
+            **about,
+        )
+
+    def _take(
         self,
+        record_of: Callable[[float | None], Record | None],
         *,
         robot: str,
         session: str,
-        message: object,
         received_at: float,
         clock_offset: float | None,
         **_more: object,
     ) -> None:
-        """Take an event, the end of an action, or a page's message, whose `robot` is empty."""
+        """Feed a record into the drive of a session; `record_of` makes it with the clock offset."""
         running = self._of(session)
         if running is None or robot not in {"", running.drive.session.robot.name}:
             return
-        record = of_message(message, received_at, _offset(running.drive, clock_offset) or 0.0)
+        record = record_of(_offset(running.drive, clock_offset))
         if record is not None:
             running.feed(record)
             if isinstance(record, FirstFrame):
@@ -208,9 +201,7 @@ class Runner:
             note_end(drive)
 
     def _of(self, session: str) -> Running | None:
-        """Return the drive of a living session. A session that is being granted has none yet: it is
-        foreign until the next tick finds its drive.
-        """
+        """Return the drive of a living session. One that is being granted gets its drive later."""
         if session not in self._running and session not in self._foreign:
             drive = _living_drive(session)
             if drive is not None:

@@ -129,9 +129,7 @@ def test_a_frame_is_sent_only_when_something_has_changed(robot):
 
 
 @pytest.mark.parametrize("refuses", ["bulk_create", "update"])
-def test_refused_writes_are_repeated_and_published_at_the_next_tick(
-    robot, monkeypatch, refuses
-):
+def test_refused_writes_are_repeated_and_published_at_the_next_tick(robot, monkeypatch, refuses):
     drive, runner = begin(robot), Runner()
     records = whole(timezone.now().timestamp())
     half = len(records) // 2
