@@ -18,7 +18,7 @@ Status = Participant.Status
 def go_on(participant: Participant, here: JourneyPlace, now: datetime.datetime) -> bool:
     """Move a participant on from a place; False, and nothing done, when they are elsewhere."""
     try:
-        there = next(iter(coming(participant, here)), None)
+        there = next(iter(following(participant, here)), None)
     except journey.NoPlaceError:
         return False
     rows = Participant.objects.filter(pk=participant.pk, status=Status.ACTIVE, **asdict(here))
@@ -37,13 +37,13 @@ def go_on(participant: Participant, here: JourneyPlace, now: datetime.datetime) 
     return True
 
 
-def coming(participant: Participant, here: JourneyPlace) -> list[JourneyPlace]:
+def following(participant: Participant, here: JourneyPlace) -> list[JourneyPlace]:
     """Return the places that follow in a participant's visit.
 
     Raises:
         NoPlaceError: the place is not on their route.
     """
-    return journey.coming(progress.route_of(participant), here, _skipped(participant))
+    return journey.following(progress.route_of(participant), here, _skipped(participant))
 
 
 def _skipped(participant: Participant) -> set[str]:
@@ -55,7 +55,7 @@ def _skipped(participant: Participant) -> set[str]:
     }
 
 
-def come_again(participant: Participant, now: datetime.datetime) -> bool:
+def begin_next_visit(participant: Participant, now: datetime.datetime) -> bool:
     """Begin another visit in the same cell; False when the last one is not finished."""
     route = progress.route_of(participant, participant.visit + 1)
     start = journey.begin(route, _skipped(participant))

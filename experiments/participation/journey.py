@@ -80,7 +80,9 @@ def begin(places: Route, skipped: Collection[str] = ()) -> JourneyPlace:
     return next((place for place in places if place.step not in skipped), places[-1])
 
 
-def coming(places: Route, place: JourneyPlace, skipped: Collection[str] = ()) -> list[JourneyPlace]:
+def following(
+    places: Route, place: JourneyPlace, skipped: Collection[str] = ()
+) -> list[JourneyPlace]:
     """Return the places that follow one; none when it was the last.
 
     Raises:

@@ -54,7 +54,7 @@ class Landing:
     hours: list[str]
     opens_at: datetime.datetime | None
     admission: Admission
-    may_come_again: bool
+    may_take_part_again: bool
     is_recruited: bool
 
 
@@ -100,7 +100,7 @@ def landing(
         hours=in_words(study.opening_hours),
         opens_at=opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now),
         admission=admission,
-        may_come_again=own is not None and may_come_again(own, now),
+        may_take_part_again=own is not None and may_take_part_again(own, now),
         is_recruited=is_recruited,
     )
 
@@ -160,7 +160,7 @@ def _admission(
     return "anonymous" if study.entry == Study.Entry.CODE else "stranger"
 
 
-def may_come_again(participant: Participant, now: datetime.datetime) -> bool:
+def may_take_part_again(participant: Participant, now: datetime.datetime) -> bool:
     """Tell whether a participant who has finished may take part again. A recruitment site pays
     once, so its participants may only after a failure, or for a second session.
     """

@@ -208,14 +208,16 @@ def show_end(
         "text": progress.step_of(participant).end_text,
         "operator": definition.operator_text if may_have_met else {},
     }
-    may_come_again = not is_walk_through(participant) and landing.may_come_again(participant, now)
+    may_take_part_again = not is_walk_through(participant) and landing.may_take_part_again(
+        participant, now
+    )
     more = {
         **{
             name: questions.with_answers(participant, spoken(text, language), language=language)
             for name, text in texts.items()
         },
-        "may_come_again": may_come_again,
-        "may_try_again": may_come_again and participant.completion in MAY_TRY_AGAIN,
+        "may_take_part_again": may_take_part_again,
+        "may_try_again": may_take_part_again and participant.completion in MAY_TRY_AGAIN,
         **return_button(participant),
     }
     return render_in_frame(request, participant, "experiments/debrief.html", more)

@@ -136,7 +136,7 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
     except (CourseError, KeyError):
         more = {"trouble": "course"}
         return render_in_frame(request, participant, "experiments/trouble.html", more)
-    ahead = advance.coming(participant, here)
+    ahead = advance.following(participant, here)
     guide["next"] = drive_config.what_follows([journey.step_at(definition, one) for one in ahead])
     number, total = progress.step_count(participant)
     context = {

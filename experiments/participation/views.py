@@ -83,7 +83,7 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
     if request.method == "POST":
         if page.admission == "recognized" and known is not None:
             return _continue_as(request, known, given)
-        return _come_in(request, study, own, page)
+        return _take_part(request, study, own, page)
     context = {
         "study": study,
         "page": page,
@@ -95,7 +95,7 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
     return render(request, "experiments/landing.html", context)
 
 
-def _come_in(
+def _take_part(
     request: HttpRequest, study: Study, own: Participant | None, page: landing.Landing
 ) -> HttpResponseBase:
     now, user, admission = timezone.now(), request.user, page.admission
@@ -103,9 +103,9 @@ def _come_in(
     if admission == "stranger":
         return redirect(_sign_up(request))
     if admission == "anonymous" or (has_no_device and not _has_full_account(user)):
-        return _come_in_as_guest(request, study, now, screens_out=has_no_device)
-    if admission == "finished" and own is not None and page.may_come_again:
-        advance.come_again(own, now)
+        return _take_part_as_guest(request, study, now, screens_out=has_no_device)
+    if admission == "finished" and own is not None and page.may_take_part_again:
+        advance.begin_next_visit(own, now)
     elif admission == "welcome" or has_no_device:
         participant = _enter(request, study, user, now)
         if has_no_device:
@@ -136,7 +136,7 @@ def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime
     return participant
 
 
-def _come_in_as_guest(
+def _take_part_as_guest(
     request: HttpRequest, study: Study, now: datetime.datetime, *, screens_out: bool
 ) -> HttpResponseBase:
     """Make a guest. The code is shown only once, and only if no recruitment id replaces it."""

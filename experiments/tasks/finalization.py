@@ -136,7 +136,7 @@ def _write(
     first_frame: float | None,
     now: datetime.datetime,
 ) -> None:
-    session, applied = drive.session, check.done()
+    session, applied = drive.session, check.result()
     # where states are lost for good, it is unknown whether the robot moved
     moved = check.moved or (bool(session.summary.get("missing")) and session.driving_at is not None)
     _write_events(drive, engine)

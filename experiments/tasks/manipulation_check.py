@@ -76,7 +76,7 @@ class ManipulationCheck:
         )
         return first, last
 
-    def done(self) -> Applied:
+    def result(self) -> Applied:
         doors = self._doors | {name: state for _, name, state in sorted(self._changes)}
         self.applied.doors_closed = {name for name, state in doors.items() if state == "closed"}
         # several interfaces give a text that no condition has

@@ -173,7 +173,7 @@ def test_a_participant_who_comes_back_keeps_the_cell_and_has_another_session(rob
     first = drives(robot, participant)
     Participant.objects.update(stage="filled", status="finished")
     participant.refresh_from_db()
-    assert advance.come_again(participant, timezone.now())
+    assert advance.begin_next_visit(participant, timezone.now())
     Participant.objects.update(step="task")
     second = drives(robot, participant)
     assert (second.condition, second.number, second.visit) == (first.condition, 2, 2)

@@ -137,10 +137,10 @@ def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study
     answer(participant)
     walk(participant)
     p.assign(participant, "giraff_open")
-    assert advance.come_again(participant, timezone.now())
+    assert advance.begin_next_visit(participant, timezone.now())
     assert progress.place(participant) == JourneyPlace(2, 0, "instructions")
     assert (participant.status, participant.cell) == ("active", "giraff_open")
-    assert not advance.come_again(participant, timezone.now())
+    assert not advance.begin_next_visit(participant, timezone.now())
     assert walk(participant) == ["2.0.instructions", "2.0.task", "2.0.experience"]
     steps = {step.key: step for step in study.as_definition().steps}
     first, second = (

@@ -244,7 +244,7 @@ def test_a_link_to_a_study_that_is_not_running_takes_nobody(client, study, statu
     assert not Participant.objects.exists()
 
 
-def test_a_bots_link_makes_a_bot_also_of_a_draft_and_it_may_come_again(client, study):
+def test_a_bots_link_makes_a_bot_also_of_a_draft_and_works_again(client, study):
     Study.objects.update(status="draft")
     _row, token = links.make(study, access="open", kind="bot", now=timezone.now())
     signed_in(client)

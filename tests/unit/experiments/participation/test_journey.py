@@ -88,25 +88,25 @@ def test_going_on_from_each_place_passes_every_place_once_and_ends(definition):
     passed, here = [], journey.begin(places)
     while here is not None:
         passed.append(here)
-        here = next(iter(journey.coming(places, here)), None)
+        here = next(iter(journey.following(places, here)), None)
     assert tuple(passed) == places
     assert len(set(places)) == len(places)
 
 
 def test_a_step_that_is_skipped_is_passed_over_also_from_where_one_stands():
     places = journey.route(TWICE, 2, 1)
-    assert journey.coming(places, JourneyPlace(1, 0, "consent"), {"you"})[0] == JourneyPlace(
+    assert journey.following(places, JourneyPlace(1, 0, "consent"), {"you"})[0] == JourneyPlace(
         1, 0, "read"
     )
-    assert journey.coming(places, JourneyPlace(1, 0, "you"), {"you"})[0] == JourneyPlace(
+    assert journey.following(places, JourneyPlace(1, 0, "you"), {"you"})[0] == JourneyPlace(
         1, 0, "read"
     )
-    assert journey.coming(places, JourneyPlace(1, 1, "thanks")) == []
+    assert journey.following(places, JourneyPlace(1, 1, "thanks")) == []
 
 
 def test_a_place_that_is_not_on_the_way_leads_nowhere():
     with pytest.raises(NoPlaceError):
-        journey.coming(journey.route(TWICE, 2, 1), JourneyPlace(2, 0, "consent"))
+        journey.following(journey.route(TWICE, 2, 1), JourneyPlace(2, 0, "consent"))
 
 
 def test_a_page_sends_back_the_place_that_it_was_shown_at():
