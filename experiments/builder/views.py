@@ -254,7 +254,7 @@ class BuilderPages(StudyPages):
         }
         if place.section == "steps":
             page = page_type(former["kind"])
-            context |= {"kind": page.label, "told": page.told, "walked": former["key"]}
+            context |= {"kind": page.label, "told": page.note, "walked": former["key"]}
         elif place.section == "courses":
             args = [row.pk, "courses", place.index]
             check = reverse("admin:experiments_study_check", args=args)

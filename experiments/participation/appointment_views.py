@@ -1,7 +1,7 @@
-"""The page on which a participant chooses when to drive, and the one that stops their e-mails."""
+"""The page for booking a drive, and the page that stops the e-mails about it."""
 
 import datetime
-from typing import Any
+from collections import defaultdict
 from zoneinfo import ZoneInfo
 
 from django import forms
@@ -17,6 +17,7 @@ from django.views.decorators.http import require_http_methods
 
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
+from experiments.definition.recruitment.recruiting import Appointments
 from experiments.models import Appointment, Participant
 from experiments.participation import progress
 from experiments.participation.drive_status import robots_of
@@ -28,8 +29,6 @@ WRONG = 422
 
 
 class AddressForm(forms.Form):
-    """Where the reminder goes, if one is wanted."""
-
     email = forms.EmailField(
         label=gettext_lazy("E-mail address for a reminder"),
         required=False,
@@ -45,7 +44,7 @@ class AddressForm(forms.Form):
 @require_http_methods(["GET", "HEAD", "POST"])
 @limited(BOOKINGS)
 def appointment(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Show the free times of a day, and take one."""
+    """Show the free times of a day, and book one."""
     study = progress.study_for(request.user, slug)
     participant = progress.found(study, request.user) if study is not None else None
     if participant is None:
@@ -53,16 +52,18 @@ def appointment(request: HttpRequest, slug: str) -> HttpResponseBase:
     asked = participant.study.as_definition().appointments
     if asked is None or participant.status != Participant.Status.ACTIVE:
         return to_step(participant)
-    if request.method == "POST" and "cancel" in request.POST:
+    if request.method != "POST":
+        return _page(request, participant, asked, AddressForm())
+    if "cancel" in request.POST:
         Appointment.objects.filter(participant=participant, visit=participant.visit).delete()
         messages.success(request, _("Your appointment was cancelled."))
         return to_step(participant)
-    form = AddressForm(request.POST if request.method == "POST" else None)
-    if request.method == "POST" and form.is_valid():
+    form = AddressForm(request.POST)
+    if form.is_valid():
         if _is_booked(request, participant, form.cleaned_data["email"]):
             return to_step(participant)
         form.add_error(None, _("This time is no longer free. Choose another one."))
-    return _page(request, participant, form)
+    return _page(request, participant, asked, form)
 
 
 def _is_booked(request: HttpRequest, participant: Participant, email: str) -> bool:
@@ -79,40 +80,27 @@ def _is_booked(request: HttpRequest, participant: Participant, email: str) -> bo
     return made is not None
 
 
-def _page(request: HttpRequest, participant: Participant, form: AddressForm) -> HttpResponse:
-    study, now = participant.study, timezone.now()
-    asked: Any = study.as_definition().appointments
+def _page(
+    request: HttpRequest, participant: Participant, asked: Appointments, form: AddressForm
+) -> HttpResponse:
+    study, zone = participant.study, ZoneInfo(participant.study.time_zone)
     robots = robots_of(progress.open_conditions(participant))
-    zone = ZoneInfo(study.time_zone)
-    days: dict[datetime.date, list[tuple[str, datetime.datetime]]] = {}
-    for slot in appointments.free(study, asked, robots, now):
+    days: dict[datetime.date, list[tuple[str, datetime.datetime]]] = defaultdict(list)
+    for slot in appointments.free(study, asked, robots, timezone.now()):
         at = slot.starts_at.astimezone(zone)
-        # naive, so that no template turns it into another zone's
-        days.setdefault(at.date(), []).append((at.isoformat(), at.replace(tzinfo=None)))
-    listed = list(days)
-    wanted = request.GET.get("day", "")
-    day = next((one for one in listed if one.isoformat() == wanted), next(iter(listed), None))
+        # naive, so that no template converts it to another zone
+        days[at.date()].append((at.isoformat(), at.replace(tzinfo=None)))
+    own, wanted = appointments.current(participant), request.GET.get("day", "")
+    day = next((one for one in days if one.isoformat() == wanted), next(iter(days), None))
     more = {
-        "days": [(one, len(days[one]), one == day) for one in listed],
+        "days": [(one, len(times), one == day) for one, times in days.items()],
         "times": days[day] if day is not None else [],
-        "own": own_time(participant),
+        "own": own.starts_at.astimezone(zone).replace(tzinfo=None) if own is not None else None,
         "minutes": asked.minutes,
         "form": form,
     }
-    status = WRONG if form.errors else 200
-    return render_in_frame(
-        request, participant, "experiments/appointment.html", more, status=status
-    )
-
-
-def own_time(participant: Participant) -> datetime.datetime | None:
-    """Return when a participant's appointment begins, by the clock of the study and naive; None
-    without one.
-    """
-    own = appointments.current(participant)
-    if own is None:
-        return None
-    return own.starts_at.astimezone(ZoneInfo(participant.study.time_zone)).replace(tzinfo=None)
+    template, status = "experiments/appointment.html", WRONG if form.errors else 200
+    return render_in_frame(request, participant, template, more, status=status)
 
 
 @csrf_exempt  # mail programs send it with one click, and the token is in the address

@@ -1,18 +1,17 @@
-"""Who gets which condition: at the first grant of the robot, or when participants come to
-instructions that only some conditions have, preferably the cell that has the fewest.
+"""Which participant gets which condition. They are drawn at the first grant of the robot, or before
+instructions that only some conditions have, preferably for the cell that has the fewest.
 
 A *cell* is what a participant is assigned to: one condition (between participants), or one order of
-conditions (within them). From then on a participant holds a place in it, which is
+conditions (within them). A participant then holds a place in it, which is
 
 - freed only when the participant left without being exposed: their page never showed the robot's
   video, nor anything else that only their condition has. They are drawn again if they return;
 - filled by every other ending, whose outcome counts in the cell;
-- filled and yet given to another when the study's frozen rule says so of its outcome, as often as
-  the rule allows;
-- left, where a participant has several conditions to do, or learned of theirs before the video,
-  and is gone before driving them: such a place is given to another, so that the *complete cases* of
-  the orders are even. Who is gone is computed each time; participants who
-  return go on in their place.
+- refilled: filled and yet given to another participant, when the study's frozen rule says so of its
+  outcome, as often as the rule allows;
+- left, where a participant has several conditions to do, or learned of theirs before the video, and
+  is gone before driving them: such a place is given to another, so that the *complete cases* of the
+  orders are even. Whether someone is gone is computed each time; those who return keep their place.
 
 Smallest first alone would be predictable: of two cells, every second participant's would be known
 beforehand. So the best cell is only the most probable one (a biased coin, Efron, "Forcing a
@@ -24,16 +23,16 @@ Bland, "Treatment allocation by minimisation", 2005).
 With `best_probability` 1 and no factors, the numbers of filled places never differ by more than the
 greatest number of participants in progress at once: the last one who filled the largest cell was
 drawn when it was not larger than any other, and only those in progress at that moment, fewer by
-that one, can have left since. (A refill rule frees places too, at the moment in which they would be
-filled, and changes nothing in this.) tests/unit/experiments/participation/test_assignment.py tries
-it, and simulates how predictable and how uneven other probabilities are.
+that one, can have left since. (A refill rule frees places when they would be filled, which changes
+nothing in this.) tests/unit/experiments/participation/test_assignment.py tries it, and simulates
+how predictable and how uneven other probabilities are.
 
-Pure: a function of the places that are held, and of a seed that is kept with the choice.
+Pure: a function of the places that are held, and of a seed that is stored with the choice.
 """
 
 import random
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Literal
@@ -53,9 +52,7 @@ Stage = Literal["under_way", "freed", "filled", "refilled", "left"]
 
 @dataclass(frozen=True)
 class Cell:
-    """What a participant is assigned to: the keys of conditions, in the order in which they are
-    done.
-    """
+    """A cell: the keys of conditions, in the order in which they are done."""
 
     key: str
     conditions: tuple[str, ...]
@@ -63,7 +60,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class Held:
-    """A place in a cell, what became of it, and its participant's level of each balance factor."""
+    """A place in a cell, with its participant's level of each balance factor."""
 
     cell: str
     stage: Stage = "under_way"
@@ -72,9 +69,7 @@ class Held:
 
 @dataclass(frozen=True)
 class AssignmentChoice:
-    """The cell of a participant, and what repeats the choice: the places that were taken in each
-    cell, the scores that decided, the cells that were best by them, and the seed.
-    """
+    """The cell of a participant, and the facts from which the choice can be repeated."""
 
     cell: Cell
     best: tuple[str, ...]
@@ -84,29 +79,19 @@ class AssignmentChoice:
 
 
 def cells(study: StudyDefinition, access: Access = "open") -> tuple[Cell, ...]:
-    """Return the cells that somebody who came by an open link, or by invitation, can be assigned
-    to. In a mixed design they are the orders within each cell of the between factors.
+    """Return the cells for participants with an open link, or with an invitation. In a mixed design
+    they are the orders within each cell of the between factors.
     """
     several = [[condition.key for condition in group] for group in groups(study, access)]
     if study.allocation.design == "between":
         return tuple(Cell(key, (key,)) for keys in several for key in keys)
-    orders = {"fixed": _as_written, "all": _all_orders, "balanced": balanced}[
-        study.allocation.order
-    ]
-    return tuple(Cell("-".join(order), order) for keys in several for order in orders(keys))
-
-
-def _as_written(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    return (tuple(keys),) if keys else ()
-
-
-def _all_orders(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    return tuple(permutations(keys)) if keys else ()
+    orders = ORDERS[study.allocation.order]
+    return tuple(Cell("-".join(one), one) for keys in several if keys for one in orders(keys))
 
 
 def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """Return orders in which each condition stands as often in each place, and follows each other
-    one as often.
+    """Return orders in which each condition is equally often in each position, and equally often
+    after each other one.
 
     Williams, "Experimental designs balanced for the estimation of residual effects of treatments",
     1949: n orders when n is even; when it is odd, they and their reverses.
@@ -123,6 +108,13 @@ def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     return tuple(rows)
 
 
+ORDERS: Mapping[str, Callable[[Sequence[str]], Iterable[tuple[str, ...]]]] = {
+    "fixed": lambda keys: (tuple(keys),),
+    "all": permutations,
+    "balanced": balanced,
+}
+
+
 def choose(
     offered: Sequence[Cell],
     held: Iterable[Held],
@@ -136,7 +128,7 @@ def choose(
         offered: the cells that they may get.
         held: every place of the study that is, or was, held.
         allocation: the study's rule.
-        seed: of the chance in it. Take a new one each time, and keep it.
+        seed: of the random numbers; to be new each time, and stored.
         levels: the participant's level of each balance factor, by its item.
     """
     held = list(held)
@@ -168,17 +160,14 @@ def _alike(
     participants alike in every factor, or for each factor those alike in it.
     """
     items = [factor.item for factor in allocation.balance]
-    groups_of_items = (
-        [[item] for item in items] if items and allocation.balancing == "minimization" else [items]
-    )
-    for some in groups_of_items:
-        yield [
-            place for place in held if all(place.levels.get(one) == levels.get(one) for one in some)
-        ]
+    is_minimized = items and allocation.balancing == "minimization"
+    for some in [[item] for item in items] if is_minimized else [items]:
+        own = [levels.get(item) for item in some]
+        yield [place for place in held if [place.levels.get(item) for item in some] == own]
 
 
 def level_of(factor: BalanceFactor, value: object) -> str:
-    """Return the level of a factor that an answer belongs to; empty without an answer."""
+    """Return the level of a factor to which an answer belongs; empty without an answer."""
     if value is None or value == "":
         return ""
     if not factor.limits or isinstance(value, bool) or not isinstance(value, int | float):
@@ -193,25 +182,25 @@ def load(held: Iterable[Held]) -> Counter[str]:
 
 
 def stage_at_end(outcome: Outcome, refill: Refill, refilled: int) -> Stage:
-    """Return what becomes of the place of a participant who was exposed and is done, or gone;
-    `refilled` places of the cell were given to another before.
+    """Return the stage of the place of an exposed participant after their drive; `refilled` counts
+    the places of the cell that were given to others before.
     """
     is_passed_on = outcome in refill.outcomes and refilled < refill.most
     return "refilled" if is_passed_on else "filled"
 
 
 def stage_now(
-    stage: Stage, *, conditions: int, done: int, is_gone: bool, is_told: bool = False
+    stage: Stage, *, conditions: int, done: int, is_gone: bool, knows_condition: bool = False
 ) -> Stage:
     """Return the stage of a place as it counts now.
 
     Args:
-        stage: as it was stored.
+        stage: as it is stored.
         conditions: how many the participant is to do.
         done: in how many of them they drove.
         is_gone: whether they withdrew, or were not seen for as long as the study waits.
-        is_told: whether they learned of their condition before any video.
+        knows_condition: whether they learned of their condition before any video.
     """
     is_taken = stage in {"under_way", "filled"}
-    may_leave = conditions > 1 or is_told
+    may_leave = conditions > 1 or knows_condition
     return "left" if may_leave and is_taken and is_gone and done < conditions else stage

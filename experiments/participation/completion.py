@@ -1,8 +1,8 @@
-"""How taking part ended, and the code that tells the recruitment site so.
+"""How a participation ended, and the code that a participant takes to the recruitment site.
 
-A recruitment site knows one code per ending, the same for everybody and in all versions of the
+A recruitment site knows one code per ending, the same for all participants and versions of the
 study, so researchers see the codes beforehand. Participants who are screened out get a code only
-where the study says so: most sites pay for any code that a participant brings.
+where the study allows it: most sites pay for any code.
 """
 
 import datetime
@@ -25,19 +25,16 @@ from experiments.recruitment import appointments, sites
 from sessions.leases.absences import faults_of
 from sessions.models import Session
 
-# Endings that are the system's, not the visitor's.
 TECHNICAL = frozenset(
     {"connection_refused", "connection_lost", "robot_fault", "stopped_by_operator"}
 )
-NOT_THE_VISITORS = frozenset({"network", "platform", "robot", "operator"})
-LEAST_MOTION = 0.1  # metres: below, the odometer of a robot at rest is noise
+TECHNICAL_SIDES = frozenset({"network", "platform", "robot", "operator"})
+MIN_MOTION_M = 0.1  # below, the odometer of a robot at rest is noise
 
 
 def code(study: Study, ending: Ending) -> str:
-    """Return the code of an ending: that of the definition, or one that this site makes.
-
-    A study that says nothing of recruitment has one code for all who drove, because its recruitment
-    site knows no other.
+    """Return the code of an ending: that of the definition, or one that this site makes. A study
+    without recruitment settings has one code for all who drove.
     """
     recruiting = study.as_definition().recruiting
     if recruiting is None and ending == TIMED_OUT:
@@ -49,16 +46,14 @@ def code(study: Study, ending: Ending) -> str:
 
 
 def codes(study: Study) -> dict[Ending, str]:
-    """Return the codes that participants of a study can get, by ending."""
     gives_all = study.as_definition().turned_away_code
     return {one: code(study, one) for one in ENDINGS if gives_all or one != SCREENED_OUT}
 
 
 def ending_of(participant: Participant) -> Ending:
-    """Return how a participant who came to the end took part.
-
-    A drive in which the robot moved decides, the best one of several. Without one, any failure that
-    was not the participant's is a technical failure; else they left, or their time was up.
+    """Return the ending of a participant who has reached the end. The best drive in which the robot
+    moved decides. Without one, any failure that was not the participant's is a technical failure;
+    else they left, or their time was up.
     """
     practice = participant.study.as_definition().practice_keys
     drives = Drive.objects.filter(participant=participant).exclude(step__in=practice)
@@ -71,11 +66,9 @@ def ending_of(participant: Participant) -> Ending:
 
 
 def has_moved(session: Session) -> bool:
-    """Tell whether the robot moved in a session. The session manager notes the first motion; one
-    that it missed is in the record's distance.
-    """
+    """Tell whether the robot moved: by the first motion noted live, or the record's distance."""
     distance = (session.summary or {}).get("distance", 0.0)
-    return session.first_motion_at is not None or distance >= LEAST_MOTION
+    return session.first_motion_at is not None or distance >= MIN_MOTION_M
 
 
 def _without_motion(participant: Participant, drives: list[Drive]) -> Ending:
@@ -87,36 +80,31 @@ def _without_motion(participant: Participant, drives: list[Drive]) -> Ending:
             queued_at__gte=participant.created_at,
             ended_at__isnull=False,
         )
-    # without a session no robot could be had
+    # without a session no robot was available
     sides = {fault.side for fault in faults_of(sessions).values()} or {"platform"}
-    if sides & NOT_THE_VISITORS:
+    if sides & TECHNICAL_SIDES:
         return "technical_failure"
     return "left" if "visitor" in sides else "timed_out"
 
 
 def conclude(participant: Participant, now: datetime.datetime) -> None:
-    """Note that a participant is through; a later visit makes good what failed before, and takes
-    nothing back.
-    """
+    """Store that a participant has finished. A later visit can only improve the ending."""
     ending = "done" if participant.completion == DONE else ending_of(participant)
     close(participant, Participant.Status.FINISHED, ending, now)
     appointments.plan_second_session(participant, now)
 
 
 def close(participant: Participant, status: str, ending: Ending, now: datetime.datetime) -> None:
-    """End a participation that is under way."""
-    rows = Participant.objects.filter(
-        pk=participant.pk, status__in=(Participant.Status.ACTIVE, status)
-    )
+    """End an active participation, or update one that has ended with this status."""
     given = codes(participant.study).get(ending, "")
+    status_in = (Participant.Status.ACTIVE, status)
+    rows = Participant.objects.filter(pk=participant.pk, status__in=status_in)
     rows.update(status=status, finished_at=now, completion=ending, completion_code=given)
     participant.refresh_from_db()
 
 
 def return_address(participant: Participant, ending: Ending | None = None) -> str:
-    """Return where a participant goes back to the recruitment site with the code of their ending,
-    or of another one; empty when they came from none.
-    """
+    """Return the recruitment site's address with the ending's code; empty without a site."""
     reached: Ending = ending or participant.completion
     given = codes(participant.study).get(reached, "") if ending else participant.completion_code
     recruiting = participant.study.as_definition().recruiting
@@ -124,9 +112,7 @@ def return_address(participant: Participant, ending: Ending | None = None) -> st
 
 
 def on_leaving(participant: Participant) -> tuple[Ending, str]:
-    """Return the ending and the code of a participant who withdraws now: what was finished stays
-    finished, so that they are paid although their data are deleted.
-    """
+    """Return ending and code for a withdrawal; a finished participant keeps theirs, to be paid."""
     if participant.completion:
         return participant.completion, participant.completion_code
     return LEFT, code(participant.study, LEFT)

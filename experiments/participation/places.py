@@ -1,10 +1,10 @@
-"""The places in the cells of a study, as they count now.
-
-A place that a participant has left who has still to drive (experiments/participation/assignment.py)
-is not stored: it depends on when they were last seen.
+"""The places in the cells of a study, as they count now. Whether a participant has left a place
+before driving (experiments/participation/assignment.py) is not stored, because it depends on when
+they were last seen.
 """
 
 import datetime
+from collections import defaultdict
 from collections.abc import Sequence
 
 from django.db.models import Max, Q
@@ -23,13 +23,13 @@ def next_number(study: Study, kind: str) -> int:
 
 
 def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
-    """Return the places that people of one kind hold, or held, as they count now: also those of
-    draws that were decided and are not written into the participant's row yet.
+    """Return the places that participants of a kind hold, or held, also those of draws that are
+    decided and not yet applied to the participant's row.
     """
     definition = study.as_definition()
-    allocation, is_told = definition.allocation, definition.reveals_condition
+    allocation, reveals = definition.allocation, definition.reveals_condition
     since = now - datetime.timedelta(hours=allocation.left_after_hours)
-    may_leave = allocation.design == "within" or is_told
+    may_leave = allocation.design == "within" or reveals
     draws = _last_draws(study, kind)
     # read before the drives: a participant who drives in between does not count as gone
     people = list(
@@ -37,7 +37,7 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
             "pk", "cell", "stage", "draws_applied", "conditions", "status", "seen_at"
         )
     )
-    driven = _driven(study, kind) if may_leave else {}
+    done = _conditions_done(study, kind) if may_leave else {}
     found = []
     for pk, cell, stage, applied, conditions, status, seen in people:
         nth, drawn, levels = draws.get(pk, (0, "", {}))
@@ -47,9 +47,9 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
             counted = assignment.stage_now(
                 stage,
                 conditions=len(conditions),
-                done=0 if status == Status.WITHDRAWN else len(driven.get(pk, ())),
+                done=0 if status == Status.WITHDRAWN else len(done.get(pk, ())),
                 is_gone=may_leave and (status != Status.ACTIVE or seen < since),
-                is_told=is_told,
+                knows_condition=reveals,
             )
             found.append(Held(cell, counted, levels))
     return found
@@ -58,25 +58,19 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
 def free_cells(
     study: Study, kind: str, cells: Sequence[Cell], now: datetime.datetime
 ) -> list[Cell]:
-    """Return the cells, of those given, that a new participant of a kind can get."""
+    """Return those of the cells that a new participant of a kind can get."""
     taken = assignment.load(held(study, kind, now))
     return assignment.open_cells(cells, taken, study.as_definition().allocation.quota)
 
 
 def _last_draws(study: Study, kind: str) -> dict[object, tuple[int, str, dict[str, str]]]:
     rows = Draw.objects.filter(study=study, kind=kind).order_by("number")
-    return {
-        participant: (nth, cell, levels)
-        for participant, nth, cell, levels in rows.values_list(
-            "participant_id", "nth", "cell", "levels"
-        )
-    }
+    columns = ("participant_id", "nth", "cell", "levels")
+    return {pk: (nth, cell, levels) for pk, nth, cell, levels in rows.values_list(*columns)}
 
 
-def _driven(study: Study, kind: str) -> dict[object, set[str]]:
-    """Return the conditions in which each participant drove the task; of a drive that is not
-    settled yet this is not known, and it counts.
-    """
+def _conditions_done(study: Study, kind: str) -> dict[object, set[str]]:
+    """Return the conditions in which each participant drove the task, or may have driven it."""
     task = study.as_definition().task
     drives = Drive.objects.filter(
         Q(moved=True) | Q(settled_at=None),
@@ -84,7 +78,7 @@ def _driven(study: Study, kind: str) -> dict[object, set[str]]:
         participant__kind=kind,
         step=task.key if task is not None else "",
     )
-    found: dict[object, set[str]] = {}
+    found: dict[object, set[str]] = defaultdict(set)
     for participant, condition in drives.values_list("participant_id", "condition"):
-        found.setdefault(participant, set()).add(condition)
+        found[participant].add(condition)
     return found

@@ -4,13 +4,14 @@ import datetime
 import time
 from typing import Any
 
+from django import forms
 from django.conf import settings
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.http import urlencode
-from django.utils.translation import get_language
+from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
@@ -28,7 +29,6 @@ from accounts.passwordless import (
 from accounts.rate_limits import limited, too_many
 from experiments.models import Participant, ParticipantKind, PersonalLink, Study
 from experiments.participation import advance, landing, links, progress
-from experiments.participation.forms import EntryCodeForm
 from experiments.recruitment import recognition, screening
 from sessions.devices import device_of
 
@@ -38,82 +38,84 @@ GONE, BAD, WRONG = 410, 400, 422
 LINKS = Attempts("study-link", limit=30)
 
 
-def study_or_404(request: HttpRequest, slug: str) -> Study:
-    """Return the version of a study that whoever asks gets to see.
+class EntryCodeForm(forms.Form):
+    """The code that a guest was shown when they began."""
 
-    Raises:
-        Http404: there is none for them, as if there were none at all.
-    """
-    study = progress.study_for(request.user, slug)
-    if study is None:
-        raise Http404
-    return study
-
-
-# --- the front page -------------------------------------------------------------------------------
+    code = forms.CharField(
+        label=gettext_lazy("Your code"),
+        max_length=40,
+        widget=forms.TextInput(
+            attrs={"autocomplete": "off", "autocapitalize": "characters", "spellcheck": "false"}
+        ),
+    )
 
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def front(request: HttpRequest, slug: str) -> HttpResponseBase:
     """Show what a study is and how to take part; a POST takes part, the first time or again."""
-    study, now = study_or_404(request, slug), timezone.now()
+    study, now = progress.study_for(request.user, slug), timezone.now()
+    if study is None:
+        raise Http404
     given = _parameters(request, slug)
     came, own = recognition.arrival_of(study, given), progress.found(study, request.user)
     known = None
     if own is not None and request.user.is_guest and recognition.is_someone_else(own, came):
         own = None  # the next person at the same device
     if own is None:
-        _keep(request, slug, given)
+        kept = request.session.get(CAME_WITH, {})
+        if given and kept.get(slug) != given:  # kept in the session until after a sign-up
+            request.session[CAME_WITH] = {**kept, slug: given}
         known = recognition.known(study, came)
     elif own.recruitment_id and own.recruitment_id == came.identifier:
         recognition.note_submission(own, given)
+    headers = {name.lower(): value for name, value in request.headers.items()}
     page = landing.landing(
         study,
         request.user,
         own,
         known=known,
-        has_device=screening.has_device(study.as_definition(), _device(request)),
+        has_device=screening.has_device(study.as_definition(), device_of(headers, "")),
         is_recruited=bool(came.identifier),
         language=get_language() or "",
         now=now,
     )
-    if request.method != "POST":
-        more = {
-            "study": study,
-            "page": page,
-            "own": own,
-            "known": known,
-            "sign_up": _sign_up(request),
-            "code_form": EntryCodeForm(),
-        }
-        return render(request, "experiments/landing.html", more)
-    if page.stand == "recognized" and known is not None:
-        return _continue_as(request, known, given)
-    return _come_in(request, study, own, page)
+    if request.method == "POST":
+        if page.admission == "recognized" and known is not None:
+            return _continue_as(request, known, given)
+        return _take_part(request, study, own, page)
+    context = {
+        "study": study,
+        "page": page,
+        "own": own,
+        "known": known,
+        "sign_up": _sign_up(request),
+        "code_form": EntryCodeForm(),
+    }
+    return render(request, "experiments/landing.html", context)
 
 
-def _come_in(
+def _take_part(
     request: HttpRequest, study: Study, own: Participant | None, page: landing.Landing
 ) -> HttpResponseBase:
-    now, stand = timezone.now(), page.stand
-    has_none = stand == "device" and request.POST.get("go") == "none"
-    if stand == "stranger":
+    now, user, admission = timezone.now(), request.user, page.admission
+    has_no_device = admission == "device" and request.POST.get("go") == "none"
+    if admission == "stranger":
         return redirect(_sign_up(request))
-    if stand == "anonymous" or (has_none and not _is_full_account(request.user)):
-        return _come_in_anonymously(request, study, now, screens_out=has_none)
-    if stand == "finished" and own is not None and page.may_come_again:
-        advance.come_again(own, now)
-    elif stand == "welcome" or has_none:
-        participant = _enter(request, study, request.user, now)
-        if has_none:
+    if admission == "anonymous" or (has_no_device and not _has_full_account(user)):
+        return _take_part_as_guest(request, study, now, screens_out=has_no_device)
+    if admission == "finished" and own is not None and page.may_take_part_again:
+        advance.begin_next_visit(own, now)
+    elif admission == "welcome" or has_no_device:
+        participant = _enter(request, study, user, now)
+        if has_no_device:
             progress.screen_out(participant, now)
     elif own is None:
         return redirect("study", study.slug)
     return redirect("study_step", study.slug)
 
 
-def _is_full_account(user: Any) -> bool:
+def _has_full_account(user: Any) -> bool:
     return bool(user.is_authenticated and not user.is_guest)
 
 
@@ -128,24 +130,22 @@ def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime
         language=get_language() or "",
         now=now,
     )
-    # from now on they are in the participant's row alone, which a withdrawal deletes
+    # from now on they are only in the participant's row, which a withdrawal deletes
     if study.slug in request.session.get(CAME_WITH, {}):
         request.session[CAME_WITH] = came_with
     return participant
 
 
-def _come_in_anonymously(
-    request: HttpRequest, study: Study, now: datetime.datetime, *, screens_out: bool = False
+def _take_part_as_guest(
+    request: HttpRequest, study: Study, now: datetime.datetime, *, screens_out: bool
 ) -> HttpResponseBase:
-    """Make an account without a password. Its code is shown this once, unless the recruitment
-    site's link lets the participant in again.
-    """
+    """Make a guest. The code is shown only once, and only if no recruitment id replaces it."""
     if (refused := _too_many_guests(request)) is not None:
         return refused
     given = _parameters(request, study.slug)
     user = create_guest(User.Kind.PARTICIPANT)
     participant = _enter(request, study, user, now)
-    if participant.user_id != user.pk:  # the same id came in by another browser meanwhile
+    if participant.user_id != user.pk:  # another browser entered with the same id just before
         user.delete()
         return _continue_as(request, participant, given)
     sign_in(request, user)
@@ -158,9 +158,7 @@ def _come_in_anonymously(
 def _continue_as(
     request: HttpRequest, participant: Participant, given: dict[str, str]
 ) -> HttpResponseBase:
-    """Let in a participant whom the id of a recruitment site names; an account is entered with its
-    password only.
-    """
+    """Let in the guest that a recruitment id names; a full account needs its password."""
     if participant.user is None or not participant.user.is_guest:
         return redirect("study", participant.study.slug)
     sign_in(request, participant.user)
@@ -184,22 +182,10 @@ def show_code(request: HttpRequest, user: User, go_on: str) -> HttpResponse:
 
 
 def _parameters(request: HttpRequest, slug: str) -> dict[str, str]:
-    """Return what the recruiting site has written into the link, now or when it was opened."""
+    """Return the recruitment parameters of the link, now or when it was opened."""
     now = progress.kept_parameters({name: str(value) for name, value in request.GET.items()})
     kept: dict[str, str] = request.session.get(CAME_WITH, {}).get(slug, {})
     return now or kept
-
-
-def _keep(request: HttpRequest, slug: str, given: dict[str, str]) -> None:
-    """Keep the parameters in the browser's session, through sign-up and all."""
-    kept = request.session.get(CAME_WITH, {})
-    if given and kept.get(slug) != given:
-        request.session[CAME_WITH] = {**kept, slug: given}
-
-
-def _device(request: HttpRequest) -> dict[str, Any]:
-    headers = {name.lower(): value for name, value in request.headers.items()}
-    return device_of(headers, "")
 
 
 def _sign_up(request: HttpRequest) -> str:
@@ -207,13 +193,10 @@ def _sign_up(request: HttpRequest) -> str:
     return f"{reverse(page)}?{urlencode({'next': request.path})}"
 
 
-# --- coming back with a code ----------------------------------------------------------------------
-
-
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def enter_code(request: HttpRequest) -> HttpResponseBase:
-    """Ask for the code of somebody without an account; the right one leads to where they were."""
+    """Ask for the code of a guest; the right one leads to where they were."""
     address, at = address_of(request), time.time()
     if request.method != "POST":
         return render(request, "experiments/enter_code.html", {"form": EntryCodeForm()})
@@ -231,54 +214,48 @@ def enter_code(request: HttpRequest) -> HttpResponseBase:
     return redirect("study_step", newest.study.slug) if newest is not None else redirect("own_data")
 
 
-# --- personal links -------------------------------------------------------------------------------
-
-
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 @limited(LINKS, reading=True, refusals={GONE})
 def link(request: HttpRequest, token: str) -> HttpResponseBase:
-    """Show a button, or redeem the link when it is pressed: reading the page uses nothing up."""
+    """Show a button that redeems a personal link: reading the page does not use it up."""
     now = timezone.now()
     try:
         found = links.find(token, request.user, now)
         if request.method == "POST":
             return _follow(request, token, found, now)
     except links.LinkError as error:
-        return render(
-            request, "experiments/link_refused.html", {"reason": error.reason}, status=GONE
-        )
+        more = {"reason": error.reason}
+        return render(request, "experiments/link_refused.html", more, status=GONE)
     page = landing.landing(found.study, request.user, None, language=get_language() or "", now=now)
-    more = {
+    context = {
         "page": page,
         "sign_up": _sign_up(request),
         "is_used": found.redeemed_at is not None,
         "needs_account": found.kind == ParticipantKind.BOT,
     }
-    return render(request, "experiments/link.html", more)
+    return render(request, "experiments/link.html", context)
 
 
 def _follow(
     request: HttpRequest, token: str, found: PersonalLink, now: datetime.datetime
 ) -> HttpResponseBase:
-    """Let in whoever pressed the button of a link: again, with their account, or with a new one
-    that has no password. Bots make full accounts, whose names tell them apart.
+    """Let in the user of a link: the guest who used it before, a full account, or a new guest. Bots
+    make full accounts, whose names distinguish them.
 
     Raises:
-        links.LinkError: somebody else used it meanwhile.
+        links.LinkError: another user has used it in the meantime.
     """
-    user: Any = request.user
-    language = get_language() or ""
-    guest = found.guest
+    guest, language = found.guest, get_language() or ""
     if guest is not None:
         sign_in(request, guest)
-    elif user.is_authenticated and not user.is_guest:
-        links.redeem(token, user, language=language, now=now)
+    elif _has_full_account(request.user):
+        links.redeem(token, request.user, language=language, now=now)
     elif found.kind == ParticipantKind.BOT:
         return redirect(_sign_up(request))
+    elif (refused := _too_many_guests(request)) is not None:
+        return refused
     else:
-        if (refused := _too_many_guests(request)) is not None:
-            return refused
         guest = create_guest(User.Kind.PARTICIPANT)
         try:
             links.redeem(token, guest, language=language, now=now)

@@ -1,13 +1,14 @@
 """When participants drive: slots in a study's opening hours, one participant at a time on each
 robot.
 
-An appointment keeps other participants of studies off a slot. Visitors who drive for themselves are
-kept off only by a study with exclusive use of its robots.
+An appointment reserves a slot against participants of all studies. Visitors without a study can
+still take the robot, unless the study has exclusive use of its robots.
 """
 
 import datetime
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from django.db import IntegrityError, transaction
 
@@ -22,47 +23,38 @@ EARLY = datetime.timedelta(minutes=10)  # before an appointment, the robot may b
 
 @dataclass(frozen=True)
 class Slot:
-    """A time at which a participant can drive; UTC."""
-
     starts_at: datetime.datetime
     ends_at: datetime.datetime
 
 
 def times(study: Study, asked: Appointments, now: datetime.datetime) -> list[Slot]:
-    """Return all slots of a study that begin after a moment, free or taken, in order."""
+    """Return all slots (UTC) of a study that begin after `now`, free or taken, in order."""
     length = datetime.timedelta(minutes=asked.minutes)
     last = now + datetime.timedelta(days=asked.days_ahead)
-    spans = opening_hours.spans(
-        study.opening_hours or ALWAYS, study.time_zone, now, asked.days_ahead
-    )
-    found = set()
-    for start, end in spans:
-        for n in range((end - start) // length):
-            at = start + n * length
-            if now < at <= last:
-                found.add(Slot(at, at + length))
-    return sorted(found, key=lambda one: one.starts_at)
+    hours = study.opening_hours or ALWAYS
+    starts = {
+        start + n * length
+        for start, end in opening_hours.spans(hours, study.time_zone, now, asked.days_ahead)
+        for n in range((end - start) // length)
+    }
+    return [Slot(at, at + length) for at in sorted(starts) if now < at <= last]
 
 
 def free(
     study: Study, asked: Appointments, robots: Sequence[Robot], now: datetime.datetime
 ) -> list[Slot]:
     """Return the slots at which at least one robot is free."""
-    taken = list(
-        Appointment.objects.filter(robot__in=robots, ends_at__gt=now).values_list(
-            "robot_id", "starts_at", "ends_at"
-        )
-    )
-    return [
-        slot
-        for slot in times(study, asked, now)
-        if len({pk for pk, start, end in taken if start < slot.ends_at and end > slot.starts_at})
-        < len(robots)
-    ]
+    rows = Appointment.objects.filter(robot__in=robots, ends_at__gt=now)
+    taken = list(rows.values_list("robot_id", "starts_at", "ends_at"))
+
+    def busy(slot: Slot) -> set[Any]:
+        return {pk for pk, start, end in taken if start < slot.ends_at and end > slot.starts_at}
+
+    return [slot for slot in times(study, asked, now) if len(busy(slot)) < len(robots)]
 
 
 def current(participant: Participant) -> Appointment | None:
-    """Return the appointment of a participant's visit, past or to come."""
+    """Return the appointment of a participant's visit, past or future."""
     rows = Appointment.objects.filter(participant=participant, visit=participant.visit)
     return rows.select_related("robot").order_by("-starts_at").first()
 
@@ -88,25 +80,16 @@ def book(
     asked = participant.study.as_definition().appointments
     known = free(participant.study, asked, robots, now) if asked is not None else []
     slot = next((one for one in known if one.starts_at == starts_at), None)
-    made = _on_some_robot(participant, robots, slot) if slot is not None else None
-    if made is not None:
-        others = Appointment.objects.filter(participant=participant, visit=participant.visit)
-        others.exclude(pk=made.pk).delete()
-    return made
-
-
-def _on_some_robot(
-    participant: Participant, robots: Sequence[Robot], slot: Slot
-) -> Appointment | None:
+    if slot is None:
+        return None
+    overlapping = Appointment.objects.filter(starts_at__lt=slot.ends_at, ends_at__gt=slot.starts_at)
+    own = Appointment.objects.filter(participant=participant, visit=participant.visit)
     for robot in robots:
-        overlapping = Appointment.objects.filter(
-            robot=robot, starts_at__lt=slot.ends_at, ends_at__gt=slot.starts_at
-        )
-        if overlapping.exists():
+        if overlapping.filter(robot=robot).exists():
             continue
         try:
             with transaction.atomic():
-                return Appointment.objects.create(
+                made = Appointment.objects.create(
                     participant=participant,
                     robot=robot,
                     visit=participant.visit,
@@ -116,13 +99,13 @@ def _on_some_robot(
                 )
         except IntegrityError:  # another participant has just taken it
             continue
+        own.exclude(pk=made.pk).delete()
+        return made
     return None
 
 
 def plan_second_session(participant: Participant, now: datetime.datetime) -> None:
-    """Note when a participant who has finished the first visit is invited to the second, if they
-    gave an address.
-    """
+    """Set when to send the invitation to the second session, if there is an address."""
     asked = participant.study.as_definition().appointments
     if asked is None or asked.second_after_days is None or participant.visit != 1:
         return

@@ -1,12 +1,10 @@
-"""Keys of programs that read how a study's participants are: made for one study, shown once, stored
-as a hash. A key has 256 random bits, so it cannot be guessed from its hash.
-"""
+"""Keys of programs that read the participants of one study: shown once, stored as a hash."""
 
 import datetime
 import secrets
-from hashlib import sha256
 from typing import Any
 
+from accounts.tokens import hash_of
 from experiments.models import StudyKey
 
 TOKEN_BYTES, MAX_LENGTH = 32, 128
@@ -20,9 +18,8 @@ def make_key(slug: str, label: str, user: Any, now: datetime.datetime) -> str:
         IntegrityError: the study has one of this label.
     """
     key = secrets.token_urlsafe(TOKEN_BYTES)
-    StudyKey.objects.create(
-        slug=slug, label=label, token_sha256=_hash(key), made_at=now, made_by=user
-    )
+    row = StudyKey(slug=slug, label=label, token_sha256=hash_of(key), made_at=now, made_by=user)
+    row.save(force_insert=True)
     return key
 
 
@@ -32,11 +29,7 @@ def key_of(header: str, now: datetime.datetime) -> StudyKey | None:
     if scheme.lower() != "bearer" or len(given) > MAX_LENGTH:
         return None
     rows = StudyKey.objects.select_related("made_by")
-    found = rows.filter(token_sha256=_hash(given.strip())).first()
+    found = rows.filter(token_sha256=hash_of(given.strip())).first()
     if found is not None and (found.last_used_at is None or now - found.last_used_at >= USE_STEP):
         StudyKey.objects.filter(pk=found.pk).update(last_used_at=now)
     return found
-
-
-def _hash(key: str) -> str:
-    return sha256(key.encode()).hexdigest()

@@ -1,4 +1,4 @@
-"""Who is to be paid: a table of the participants of a study by the id of their recruitment site."""
+"""The table of a study's participants by recruitment id, from which researchers pay them."""
 
 import datetime
 from collections.abc import Iterator, Sequence
@@ -14,18 +14,16 @@ HEAD = (
 
 
 def payment_rows(study: Study) -> Iterator[Sequence[Any]]:
-    """Yield the table of all versions of a study, head first: a row for each participant, without
-    pilots, bots and those who withdrew, whose ids are deleted.
-    """
+    """Yield the table of all versions, head first, of participants who may be paid."""
     # with NumPy, which pages about other things need not load
-    from experiments.recruitment.quality import by_participant, in_one_cell  # noqa: PLC0415
+    from experiments.recruitment.quality import flag_cells  # noqa: PLC0415
 
     yield HEAD
     for version in Study.objects.filter(slug=study.slug).order_by("version"):
         people = version.participants.filter(kind=ParticipantKind.PARTICIPANT)
         rows = list(people.exclude(status=Participant.Status.WITHDRAWN).order_by("created_at"))
-        flags = by_participant(version) if rows else {}
-        yield from (_row(one, version, in_one_cell(flags.get(one.code, ()))) for one in rows)
+        flags = flag_cells(version) if rows else {}
+        yield from (_row(one, version, flags.get(one.code, "")) for one in rows)
 
 
 def _row(one: Participant, study: Study, flags: str) -> Sequence[Any]:
@@ -45,7 +43,7 @@ def _row(one: Participant, study: Study, flags: str) -> Sequence[Any]:
 
 
 def minutes_of(one: Participant) -> float | None:
-    """Return how many minutes lay between joining and the end; None without an end."""
+    """Return the minutes between joining and the end; None without an end."""
     if one.finished_at is None:
         return None
     return round((one.finished_at - one.created_at).total_seconds() / 60.0, 1)

@@ -1,6 +1,6 @@
 """The quality flags of a study's participants, from the database."""
 
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 
 from experiments.analysis.quality.flags import flags_of
@@ -11,26 +11,16 @@ from experiments.models import Participant, ParticipantKind, Study
 
 
 def flags_of_study(study: Study, participants: Iterable[str] | None = None) -> tuple[Flag, ...]:
-    """Return the flags of a study's participants, or of some of them by code; every session of
-    theirs is read.
-    """
+    """Return the flags of a study's participants, or of those with some codes."""
     codes = None if participants is None else set(participants)
     dataset = dataset_of(study, drives=list(drives_of(study)))
     same = (one for one in same_id_flags(study) if codes is None or one.participant in codes)
     return (*flags_of(dataset, codes), *same)
 
 
-def by_participant(study: Study) -> dict[str, list[Flag]]:
-    """Return the flags of a study by the participant's code."""
-    found: dict[str, list[Flag]] = {}
-    for one in flags_of_study(study):
-        found.setdefault(one.participant, []).append(one)
-    return found
-
-
 def same_id_flags(study: Study) -> Iterator[Flag]:
-    """Yield that several participants of a study, in any version, came with one id: they joined
-    before ids were recognized, or with a personal link.
+    """Yield a flag for each participant who shares a recruitment id with others in any version of
+    the study: they joined before ids were recognized, or with a personal link.
     """
     rows = Participant.objects.filter(
         study__slug=study.slug, kind=ParticipantKind.PARTICIPANT
@@ -43,11 +33,13 @@ def same_id_flags(study: Study) -> Iterator[Flag]:
             yield Flag(code, "same_id", Grade.SERIOUS, value)
 
 
-def in_one_cell(flags: Iterable[Flag]) -> str:
-    """Return flags as one cell of a table: `never_moved:3|speeding:2`, each with its highest
-    grade.
-    """
-    grades: dict[str, int] = {}
-    for one in flags:
-        grades[one.name] = max(one.grade, grades.get(one.name, 0))
-    return "|".join(f"{name}:{grade}" for name, grade in sorted(grades.items()))
+def flag_cells(study: Study) -> dict[str, str]:
+    """Return the flags of each participant, by code, as text: `never_moved:3|speeding:2`."""
+    grades: dict[str, dict[str, int]] = defaultdict(dict)
+    for one in flags_of_study(study):
+        own = grades[one.participant]
+        own[one.name] = max(one.grade, own.get(one.name, 0))
+    return {
+        code: "|".join(f"{name}:{grade}" for name, grade in sorted(own.items()))
+        for code, own in grades.items()
+    }

@@ -1,9 +1,9 @@
-"""One id of a recruitment site is one participant of a study, on whatever device and in all of its
+"""One id of a recruitment site is one participant of a study, on any device and in all of its
 versions.
 
 A link with the id continues that participation. Other people know the id too, such as the
-researchers of earlier studies, so a browser that did not show the id of the same
-submission gets no copy of the participant's data (`is_confirmed`).
+researchers of earlier studies, so a browser that did not show the id of the same submission gets no
+copy of the participant's data (`is_confirmed`).
 """
 
 from collections.abc import Mapping
@@ -19,14 +19,11 @@ FIRST_SUBMISSION = "firstSubmission"  # beside the parameters of the link
 
 
 def arrival_of(study: Study, parameters: Mapping[str, str]) -> Arrival:
-    """Return who came by a link of a study."""
     return arrival(study.as_definition().recruiting, parameters)
 
 
 def fields(study: Study, parameters: Mapping[str, str], kind: str) -> dict[str, str]:
-    """Return what a new participant's row says of their id. Pilots and bots may use the same one
-    again and again.
-    """
+    """Return the fields of a new participant's row for their id. Pilots and bots may reuse one."""
     identifier = arrival_of(study, parameters).identifier
     known = identifier and kind == ParticipantKind.PARTICIPANT
     return {
@@ -36,14 +33,12 @@ def fields(study: Study, parameters: Mapping[str, str], kind: str) -> dict[str, 
 
 
 def recruited_as(slug: str, identifier: str) -> str:
-    """Return the unique word of an id in a study. A hash, because ids may be as long as anything
-    and databases differ in how they compare letters.
-    """
+    """Return the unique key of an id: a hash, because some databases ignore case."""
     return f"{slug}:{sha256(identifier.encode()).hexdigest()}"
 
 
 def known(study: Study, came: Arrival) -> Participant | None:
-    """Return the participant of the study, in any version, who has the id; None without one."""
+    """Return the participant who has the id, in any version of the study; None without one."""
     if not came.identifier:
         return None
     rows = Participant.objects.select_related("study", "user")
@@ -51,31 +46,27 @@ def known(study: Study, came: Arrival) -> Participant | None:
 
 
 def is_confirmed(participant: Participant, came: Arrival) -> bool:
-    """Tell whether a link names the submission with which the participant began, or the site has
-    none.
-    """
+    """Tell whether a link names the participant's first submission, or the site has none."""
     own = participant.recruitment
     first = own.get(FIRST_SUBMISSION) or arrival_of(participant.study, own).session
     return bool(first == came.session)
 
 
 def note_submission(participant: Participant, parameters: Mapping[str, str]) -> None:
-    """Keep the parameters of a later submission by a participant, who returned the first one: the
-    site wants the code for the present one.
+    """Store the parameters of a later submission by a participant, who returned the first one: the
+    site wants the code for the current one.
     """
     own, came = participant.recruitment, arrival_of(participant.study, parameters)
     former = arrival_of(participant.study, own).session
     if not came.session or came.session == former:
         return
-    participant.recruitment = {
-        **parameters,
-        FIRST_SUBMISSION: own.get(FIRST_SUBMISSION, former),
-    }
+    first = own.get(FIRST_SUBMISSION, former)
+    participant.recruitment = {**parameters, FIRST_SUBMISSION: first}
     participant.save(update_fields=["recruitment"])
 
 
 def is_someone_else(participant: Participant, came: Arrival) -> bool:
-    """Tell whether a link with an id is not that of the participant who used this browser."""
+    """Tell whether a link has the id of another person than the participant of this browser."""
     own = participant.recruitment_id
     return bool(came.identifier and own and own != came.identifier)
 
@@ -89,5 +80,4 @@ def note_sign_in(session: Any, participant: Participant, came: Arrival) -> None:
 
 
 def was_by_id_alone(session: Any) -> bool:
-    """Tell whether a browser's participant was let in by the id alone."""
     return bool(session.get(BY_ID_ALONE))

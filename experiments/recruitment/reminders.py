@@ -1,9 +1,9 @@
 """E-mails to participants who gave an address: a reminder of an appointment, and an invitation to
-the second session. `manage.py send_reminders` sends what is due and deletes addresses that are no
-longer needed.
+the second session. `manage.py send_reminders` sends those that are due and deletes addresses that
+are no longer needed.
 
-An e-mail is marked as sent before it is sent, so that two processes do not send it twice; where
-sending fails the mark is taken back, and the next call tries again.
+An e-mail is marked as sent before it is sent, so that two processes do not send it twice. After a
+failure the mark is removed, and the next call tries again.
 """
 
 import datetime
@@ -23,14 +23,12 @@ from surveys.documents import spoken
 
 log = structlog.stdlib.get_logger(__name__)
 Status = Participant.Status
-# After which an address is deleted, though its participant has not finished the first session.
-GONE = datetime.timedelta(days=1)
+# an address is deleted when its participant was not seen for so long in an unfinished session
+KEPT_FOR = datetime.timedelta(days=1)
 
 
 def send_due(now: datetime.datetime) -> int:
-    """Send every e-mail that is due, delete addresses that are needed no more, and return how many
-    e-mails were sent.
-    """
+    """Send every e-mail that is due, delete unneeded addresses, and return how many were sent."""
     sent = sum([*_remind(now), *_invite(now)])
     clear(now)
     return sent
@@ -64,35 +62,33 @@ def _invite(now: datetime.datetime) -> Iterator[bool]:
 
 
 def clear(now: datetime.datetime) -> None:
-    """Delete the addresses for which nothing more is due."""
+    """Delete the addresses for which no e-mail will be due."""
     due = Appointment.objects.filter(ends_at__gt=now).values("participant_id")
-    waits = Q(participant__status=Status.ACTIVE, participant__seen_at__gt=now - GONE)
+    waits = Q(participant__status=Status.ACTIVE, participant__seen_at__gt=now - KEPT_FOR)
     Contact.objects.filter(invite_at=None).exclude(participant__in=due).exclude(waits).delete()
 
 
 def _send(contact: Contact, appointment: Appointment | None) -> bool:
     participant = contact.participant
     stop = contact.site + reverse("study_reminders_stop", args=[contact.token]).lstrip("/")
+    one_click = {
+        "List-Unsubscribe": f"<{stop}>",
+        "List-Unsubscribe-Post": "List-Unsubscribe=One-Click",
+    }
     with translation.override(participant.language or "en"):
-        message = EmailMessage(
-            *_words(contact, appointment, stop),
-            to=[contact.email],
-            headers={
-                "List-Unsubscribe": f"<{stop}>",
-                "List-Unsubscribe-Post": "List-Unsubscribe=One-Click",
-            },
-        )
+        subject, text = _subject_and_text(contact, appointment, stop)
+        message = EmailMessage(subject, text, to=[contact.email], headers=one_click)
         try:
             return bool(message.send())
         except OSError as error:  # SMTP's errors are these
-            log.warning(
-                "reminder_failed", participant=participant.code, reason=type(error).__name__
-            )
+            reason = type(error).__name__
+            log.warning("reminder_failed", participant=participant.code, reason=reason)
             return False
 
 
-def _words(contact: Contact, appointment: Appointment | None, stop: str) -> tuple[str, str]:
-    """Return subject and text."""
+def _subject_and_text(
+    contact: Contact, appointment: Appointment | None, stop: str
+) -> tuple[str, str]:
     participant = contact.participant
     definition = participant.study.as_definition()
     title = " ".join(spoken(definition.title, participant.language).split())
@@ -113,14 +109,12 @@ def _words(contact: Contact, appointment: Appointment | None, stop: str) -> tupl
     return subject, "\n\n".join(lines) + "\n"
 
 
-def stop(token: str) -> bool:
-    """Delete the address that belongs to the token of an e-mail; False when it is gone already."""
-    return bool(Contact.objects.filter(token=token).delete()[0])
+def stop(token: str) -> None:
+    """Delete the address to which an e-mail with this token was sent."""
+    Contact.objects.filter(token=token).delete()
 
 
 def keep_address(participant: Participant, email: str, site: str) -> None:
-    """Store the address of a participant who asked for reminders."""
-    Contact.objects.update_or_create(
-        participant=participant,
-        defaults={"email": email, "site": site, "given_at": timezone.now()},
-    )
+    """Store the address of a participant who asked for reminders; `site` is the site's address."""
+    fields = {"email": email, "site": site, "given_at": timezone.now()}
+    Contact.objects.update_or_create(participant=participant, defaults=fields)

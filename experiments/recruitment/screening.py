@@ -1,9 +1,9 @@
-"""Who may take part in a study: by device and browser when they arrive, by answers as soon as a
+"""Who may take part in a study: by device and browser on arrival, by answers as soon as a
 questionnaire is finished.
 """
 
 import datetime
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from experiments.definition.recruitment.recruiting import AnswerQuota, admits, names_answer
@@ -11,11 +11,6 @@ from experiments.definition.schema import StudyDefinition
 from experiments.models import Participant, ParticipantKind, StepResponse
 
 Status = Participant.Status
-# Those who hold a place of a quota while they were seen lately.
-HOLDING = (Status.ACTIVE, Status.FINISHED)
-
-
-# --- device and browser ---------------------------------------------------------------------------
 
 
 def device_kind(device: Mapping[str, Any]) -> str:
@@ -29,18 +24,14 @@ def device_kind(device: Mapping[str, Any]) -> str:
 
 
 def has_device(study: StudyDefinition, device: Mapping[str, Any]) -> bool:
-    """Tell whether a study allows a device and its browser."""
     browser = device["product"].rpartition(" ")[0]
     fits = not study.devices or device_kind(device) in study.devices
     return fits and (not study.browsers or browser in study.browsers)
 
 
-# --- answers --------------------------------------------------------------------------------------
-
-
 def is_screened_out(participant: Participant, questionnaire: str, now: datetime.datetime) -> bool:
-    """Tell whether the answers to a questionnaire, which the participant has finished, screen them
-    out, by a rule or because a quota is full. Bots answer at random, and go on.
+    """Tell whether a participant's answers to a finished questionnaire screen them out: by a rule,
+    or because a quota is full. Bots answer at random and are never screened out.
     """
     definition = participant.study.as_definition()
     rules = [one for one in definition.screening if one.questionnaire == questionnaire]
@@ -68,24 +59,16 @@ def is_screened_out(participant: Participant, questionnaire: str, now: datetime.
 def _earlier(
     participant: Participant, quota: AnswerQuota, own: StepResponse, now: datetime.datetime
 ) -> int:
-    """Count the participants who gave such an answer before and hold a place.
-
-    The order of finishing decides, so that of two at the same moment exactly one is the later.
+    """Count the participants who gave such an answer before this one and hold a place: they have
+    finished, or were seen lately. The id breaks ties of the time, so that of two participants
+    exactly one is the later.
     """
-    mark = (own.response.finished_at, str(own.response_id))
-    found = {who for who, at, key in _holders(participant, quota, now) if (at, str(key)) < mark}
-    return len(found)
-
-
-def _holders(
-    participant: Participant, quota: AnswerQuota, now: datetime.datetime
-) -> Iterator[tuple[Any, datetime.datetime, Any]]:
-    study = participant.study
+    study, own_order = participant.study, (own.response.finished_at, str(own.response_id))
     last_seen = now - datetime.timedelta(hours=study.as_definition().allocation.left_after_hours)
     rows = StepResponse.objects.filter(
         participant__study=study,
         participant__kind=participant.kind,
-        participant__status__in=HOLDING,
+        participant__status__in=(Status.ACTIVE, Status.FINISHED),
         response__questionnaire__slug=quota.questionnaire,
         response__finished_at__isnull=False,
         response__answers__item=quota.item,
@@ -94,7 +77,12 @@ def _holders(
         *("participant_id", "participant__status", "participant__seen_at"),
         *("response__finished_at", "response_id", "response__answers__value"),
     )
-    for who, status, seen, at, key, value in rows.values_list(*columns):
-        is_there = status == Status.FINISHED or seen >= last_seen
-        if is_there and value is not None and names_answer(quota.answers, value):
-            yield who, at, key
+    holders = {
+        holder
+        for holder, status, seen, at, key, value in rows.values_list(*columns)
+        if (status == Status.FINISHED or seen >= last_seen)
+        and value is not None
+        and names_answer(quota.answers, value)
+        and (at, str(key)) < own_order
+    }
+    return len(holders)

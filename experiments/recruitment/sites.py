@@ -43,101 +43,81 @@ PROFILES: Mapping[str, SiteProfile] = {
         "Prolific",
         "PROLIFIC_PID",
         "SESSION_ID",
-        "PROLIFIC_PID={{%PROLIFIC_PID%}}&STUDY_ID={{%STUDY_ID%}}&SESSION_ID={{%SESSION_ID%}}",
-        "https://app.prolific.com/submissions/complete?cc={code}",
+        query="PROLIFIC_PID={{%PROLIFIC_PID%}}&STUDY_ID={{%STUDY_ID%}}&SESSION_ID={{%SESSION_ID%}}",
+        return_address="https://app.prolific.com/submissions/complete?cc={code}",
     ),
-    "mturk": SiteProfile(
+    "mturk": SiteProfile(  # it adds its parameters to the link itself
         "Amazon Mechanical Turk",
         "workerId",
         "assignmentId",
-        "",  # the site adds its parameters by itself
-        "https://www.mturk.com/mturk/externalSubmit?assignmentId={session}&code={code}",
+        return_address=(
+            "https://www.mturk.com/mturk/externalSubmit?assignmentId={session}&code={code}"
+        ),
     ),
     "sona": SiteProfile(
         "Sona",
         "survey_code",
-        "",
-        "survey_code=%SURVEY_CODE%",
-        "",
-        # the address grants the credit, so who was screened out or left does not open it
-        ("done", "timed_out", "technical_failure"),
+        query="survey_code=%SURVEY_CODE%",
+        # the address grants the credit, so participants screened out or leaving do not open it
+        returning=("done", "timed_out", "technical_failure"),
     ),
-    "cloudresearch": SiteProfile(
-        "CloudResearch Connect",
-        "participantId",
-        "assignmentId",
-        "",
-        "",  # each project has an address of its own
-        ("done", "timed_out"),
+    "cloudresearch": SiteProfile(  # each project has a return address of its own
+        "CloudResearch Connect", "participantId", "assignmentId", returning=("done", "timed_out")
     ),
 }
+UNKNOWN = SiteProfile("", "")
 ANY = Recruiting()
 
 
 @dataclass(frozen=True)
 class Arrival:
-    """Who came by a link: the site, the participant's id there, and the id of the submission."""
+    """The person that a link names: the site, the id there, and the id of the submission."""
 
     site: str = ""
     identifier: str = ""
     session: str = ""
 
 
-NOBODY = Arrival()
+UNNAMED = Arrival()
 
 
 def arrival(recruiting: Recruiting | None, parameters: Mapping[str, str]) -> Arrival:
-    """Return who came by a link with these parameters; NOBODY without an id.
-
-    A study that names no site recognizes the parameters of every known one.
+    """Return the person that a link's parameters name; UNNAMED without an id. A study that names no
+    site recognizes the parameters of every known one.
     """
     asked = recruiting or ANY
     names = list(PROFILES) if asked.site == "any" else [asked.site]
     for name in names:
-        profile = PROFILES.get(name, SiteProfile("", ""))
+        profile = PROFILES.get(name, UNKNOWN)
         key = asked.id_parameter or profile.id_parameter
         identifier = parameters.get(key, "").strip()[:LONGEST_ID]
         session = parameters.get(profile.session_parameter, "").strip()[:LONGEST_ID]
-        if identifier and not _is_placeholder(identifier) and session != MTURK_PREVIEW:
+        # a placeholder that the site did not fill in would make all participants one person
+        is_placeholder = "%" in identifier or identifier.startswith(("{", "[", "$"))
+        if identifier and not is_placeholder and session != MTURK_PREVIEW:
             return Arrival(name, identifier, session)
-    return NOBODY
-
-
-def _is_placeholder(identifier: str) -> bool:
-    """Tell whether the site did not fill in its placeholder: then everybody would be one person."""
-    return "%" in identifier or identifier[0] in "{[$"
+    return UNNAMED
 
 
 def return_address(
-    recruiting: Recruiting | None,
-    parameters: Mapping[str, str],
-    ending: Ending,
-    code: str,
+    recruiting: Recruiting | None, parameters: Mapping[str, str], ending: Ending, code: str
 ) -> str:
-    """Return where a participant goes at the end; empty when they came from no site, or their
-    ending leads nowhere.
-    """
+    """Return the address to which a participant returns at the end; may be empty."""
     came = arrival(recruiting, parameters)
-    profile = PROFILES.get(came.site, SiteProfile("", ""))
+    profile = PROFILES.get(came.site, UNKNOWN)
     asked = recruiting or ANY
     template = asked.return_address or profile.return_address
     returning = asked.returning or profile.returning
     if not came.identifier or not template or not code or (returning and ending not in returning):
         return ""
     if came.site == "mturk" and not asked.return_address:
-        template = template.replace("www.mturk.com", _mturk_host(parameters))
+        host = urlsplit(parameters.get("turkSubmitTo", "")).netloc
+        if host in MTURK_HOSTS:  # any other host would be an open redirect
+            template = template.replace("www.mturk.com", host)
     values = {"code": code, "id": came.identifier, "session": came.session}
     for name, value in values.items():
         template = template.replace(f"{{{name}}}", quote(value, safe=""))
     return template
-
-
-def _mturk_host(parameters: Mapping[str, str]) -> str:
-    """Return the host that the link names, if it is one of the site's own: a made-up one would be
-    an open redirect.
-    """
-    host = urlsplit(parameters.get("turkSubmitTo", "")).netloc
-    return host if host in MTURK_HOSTS else "www.mturk.com"
 
 
 def study_link(recruiting: Recruiting | None, address: str) -> str:

@@ -7,10 +7,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from experiments.models import Drive, TaskEvent
-from experiments.participation.layout import track_of
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.finalization import end
-from experiments.tasks.stored_records import offset_of, stored
+from experiments.tasks.stored_records import offset_of, stored, track_of
 
 TWICE = 0.3  # the share of records that come again
 

@@ -3,7 +3,6 @@ signs in or signs up. The link works once, and for two weeks.
 """
 
 import datetime
-import hashlib
 import secrets
 import smtplib
 from typing import Any
@@ -23,6 +22,7 @@ from accounts import audit
 from accounts.adapter import INVITED
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
+from accounts.tokens import hash_of
 from experiments.models import ResearcherInvitation, Study, StudyMember
 from experiments.research.study_access import shown_time
 
@@ -44,7 +44,7 @@ def invite(request: HttpRequest, row: Study, email: str, role: str) -> tuple[str
         slug=row.slug,
         email=email,
         role=role,
-        token_sha256=_hash(token),
+        token_sha256=hash_of(token),
         invited_by=request.user,
         created_at=now,
         expires_at=now + LASTS,
@@ -77,17 +77,13 @@ def _send(row: Study, invitation: ResearcherInvitation, address: str) -> bool:
         return False
 
 
-def _hash(token: str) -> str:
-    return hashlib.sha256(token.encode()).hexdigest()
-
-
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 @limited(LINKS, reading=True, refusals={GONE})
 def invitation(request: HttpRequest, token: str) -> HttpResponse:
     """Show an invitation; a POST of somebody with an account accepts it."""
     now = timezone.now()
-    found = ResearcherInvitation.objects.filter(token_sha256=_hash(token)).first()
+    found = ResearcherInvitation.objects.filter(token_sha256=hash_of(token)).first()
     study = Study.objects.filter(slug=found.slug).first() if found is not None else None
     if found is None or study is None:
         return _refused(request, "unknown")

@@ -15,7 +15,7 @@ from experiments.definition.course import CourseError
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from experiments.participation.drive_config import ground
-from experiments.participation.robot_eligibility import is_shown
+from experiments.participation.robot_eligibility import may_see
 from experiments.stored_states import newest_chunk
 from robots.api import floorplan
 from robots.models import Robot
@@ -102,7 +102,7 @@ def _robots(
     return [
         robot
         for robot in rows
-        if robot.pk in driven or (_place(robot) in wanted and is_shown(robot, slug))
+        if robot.pk in driven or (_place(robot) in wanted and may_see(slug, robot))
     ]
 
 

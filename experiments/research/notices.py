@@ -16,7 +16,7 @@ from django.http import HttpRequest
 from django.utils.translation import gettext as _
 
 from experiments.models import Study, StudyMember
-from experiments.participation.grants import is_for, standing_of
+from experiments.participation.grants import is_for, pending_drive
 from experiments.research.study_access import shown_time
 from robots.models import Robot
 from robots.readiness_text import in_words
@@ -47,8 +47,8 @@ def publish_not_ready(
     *, robot: Robot, session: Session, reason: str, at: datetime.datetime, **_more: Any
 ) -> None:
     """Tell the researchers of a participant's study that they wait, and what the robot lacks."""
-    standing = standing_of(session.visitor, robot)
-    if standing is None:
+    drive = pending_drive(session.visitor, robot)
+    if drive is None:
         return
     subject = _("%(study)s: %(robot)s is not ready for the next participant")
     text = _(
@@ -57,9 +57,9 @@ def publish_not_ready(
         "or drive it there. The participant's drive then starts automatically. "
         "You get one e-mail for each participant who waits."
     )
-    addresses = addresses_of(standing.participant.study)
+    addresses = addresses_of(drive.participant.study)
     if addresses:
-        _send(standing.participant.study, robot, reason, at, addresses, words=(subject, text))
+        _send(drive.participant.study, robot, reason, at, addresses, words=(subject, text))
 
 
 def studies_with(robot: Robot) -> list[Study]:

@@ -21,7 +21,7 @@ from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.access import for_role, may, session_for
 from experiments.models import Drive, Study
-from experiments.participation.robot_eligibility import is_lent
+from experiments.participation.robot_eligibility import may_use
 from experiments.research import interventions, live
 from experiments.research.replay import photos_of, replay
 from robots.access import may_observe, may_operate
@@ -105,7 +105,7 @@ def _hold(request: HttpRequest, slug: str, act: str, text: str) -> str:
     robot: Robot | None = next(
         (robot for robot in live.robots_of(slug) if robot.name == request.POST.get("robot")), None
     )
-    if robot is None or not (may_operate(request.user, robot) or is_lent(robot, slug)):
+    if robot is None or not (may_operate(request.user, robot) or may_use(slug, robot)):
         raise Http404
     if act == "hold":
         interventions.hold(robot, text, request.user, timezone.now())

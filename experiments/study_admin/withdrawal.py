@@ -13,7 +13,7 @@ from django.utils.translation import gettext as _
 from accounts import audit
 from experiments.access import may
 from experiments.models import Participant
-from experiments.participation.withdrawal import leaving
+from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal import receipt as receipts
 
 
@@ -41,7 +41,7 @@ def withdraw_page(request: HttpRequest, pk: Any, frame: dict[str, Any]) -> HttpR
         receipt = receipts.of(row, get_language() or "", now)
         day = now.replace(hour=0, minute=0, second=0, microsecond=0)  # as all that is kept of it
         audit.note("participant_withdrawn", actor=request.user, study=row.study.slug, at=day)
-        leaving.leave(row, now)
+        deletion.leave(row, now)
         more |= {"receipt": receipt, "signed": receipts.signed(receipt)}
     elif request.method == "POST":
         more["error"] = _("This is not the participant's code.")

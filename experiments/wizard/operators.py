@@ -7,7 +7,7 @@ from experiments.access import OPERATING, may_operate_as_wizard, role_of
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.participation.grants import is_for
-from experiments.participation.robot_eligibility import is_shown
+from experiments.participation.robot_eligibility import may_see
 from experiments.wizard.script import script_of
 from robots.models import Robot
 from sessions.models import Session
@@ -75,5 +75,5 @@ def robots_of(definition: StudyDefinition) -> list[Robot]:
         robot
         for robot in rows
         if any(is_for(condition, robot) for condition in operated)
-        and is_shown(robot, definition.slug)
+        and may_see(definition.slug, robot)
     ]

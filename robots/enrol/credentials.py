@@ -22,6 +22,7 @@ from typing import Any, Literal
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
+from accounts.tokens import hash_of
 from robots.api.credentials_file import toml
 from robots.api.private_files import write_private
 from robots.enrol.bcrypt import bcrypt_hash
@@ -290,7 +291,7 @@ class Verifier:
         """Tell whether exactly this token was right for exactly this hash a short while ago (`now`:
         monotonic seconds).
         """
-        return self._known.get((credential_hash, _digest(token)), -1e18) > now - self._remember
+        return self._known.get((credential_hash, hash_of(token)), -1e18) > now - self._remember
 
     def is_blocked(self, address: str, now: float) -> bool:
         """Tell whether this address has been wrong too often."""
@@ -300,7 +301,7 @@ class Verifier:
         """Remember a success."""
         if len(self._known) >= self._size:
             self._known.clear()
-        self._known[credential_hash, _digest(token)] = now
+        self._known[credential_hash, hash_of(token)] = now
 
     def note_failure(self, address: str, now: float) -> None:
         """Count a wrong token."""
@@ -310,7 +311,3 @@ class Verifier:
 
     def _recent(self, address: str, now: float) -> list[float]:
         return [moment for moment in self._failures.get(address, ()) if moment > now - self._window]
-
-
-def _digest(token: str) -> str:
-    return hashlib.sha256(token.encode()).hexdigest()

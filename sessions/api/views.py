@@ -24,6 +24,7 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts.attempts import Attempts, address_of
+from accounts.json_api import VERSION, problem, too_many
 from robots.access import robots_visible_to
 from robots.api.messages import EStop, Stop
 from robots.bridge import bridge as mqtt_bridge
@@ -35,7 +36,6 @@ from sessions.api.keys import key_of, note_use
 from sessions.leases.store import LIVE, waits_here
 from sessions.models import AT_THE_WHEEL, ApiKey, Session
 
-VERSION = 1
 REFUSED = Attempts("api-refused", limit=20)
 ACTED = Attempts("api-acted", limit=30)
 READ = Attempts("api-read", limit=120)
@@ -45,28 +45,18 @@ BROKER_PATIENCE_SECONDS = 1.0
 View = Callable[[HttpRequest, ApiKey | None], JsonResponse]
 
 
-def _problem(status: int, error: str, detail: str) -> JsonResponse:
-    return JsonResponse({"apiVersion": VERSION, "error": error, "detail": detail}, status=status)
-
-
-def _too_many(error: str, seconds: int) -> JsonResponse:
-    answer = _problem(429, error, f"Try again in {seconds} seconds.")
-    answer["Retry-After"] = str(seconds)
-    return answer
-
-
-def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
+def _key_orproblem(request: HttpRequest) -> ApiKey | JsonResponse | None:
     """Return the key that comes along, None when none does, or what is wrong with it."""
     header = request.headers.get("Authorization", "")
     if not header:
         return None
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now):
-        return _too_many("too_many_attempts", REFUSED.wait(address, now))
+        return too_many(REFUSED, address, now)
     key = key_of(header)
     if key is None:
         REFUSED.count(address, now)
-        return _problem(
+        return problem(
             401, "wrong_key", "Send “Authorization: Bearer KEY” with a key of a robot, or none."
         )
     note_use(key, timezone.now())
@@ -79,8 +69,8 @@ def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
 def _reader(request: HttpRequest) -> ApiKey | JsonResponse | None:
     address, now = address_of(request), time.time()
     if not READ.count(address, now):
-        return _too_many("too_many_attempts", READ.wait(address, now))
-    return _key_or_problem(request)
+        return too_many(READ, address, now)
+    return _key_orproblem(request)
 
 
 @never_cache
@@ -109,7 +99,7 @@ def robot(request: HttpRequest, robot: str) -> JsonResponse:
     now = timezone.now()
     row = _visible(request, key).filter(name=robot).first()
     if row is None:
-        return _problem(404, "no_such_robot", "There is no robot of this name that you can access.")
+        return problem(404, "no_such_robot", "There is no robot of this name that you can access.")
     traffic = _traffic(row.sessions, now).get(row.pk, (0, 0))
     return JsonResponse(
         {"apiVersion": VERSION, "robot": _described(request, row, key, traffic, now)}
@@ -208,7 +198,7 @@ def _counted(
             return key
         kind = _kind(request)
         if kind is None:
-            return _problem(
+            return problem(
                 400, "unknown_action", f"Send a JSON object with “type”: {', '.join(ACTIONS)}."
             )
         return await view(request, key, kind)
@@ -218,13 +208,13 @@ def _counted(
 
 def _acting_key(request: HttpRequest, robot: str) -> ApiKey | JsonResponse:
     """Count an action of the key that comes along. Asks database and cache, so not on the loop."""
-    key = _key_or_problem(request)
+    key = _key_orproblem(request)
     if isinstance(key, JsonResponse):
         return key
     if key is None or key.robot.name != robot:
-        return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
+        return problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
     name, now = str(key.pk), time.time()
-    return key if ACTED.count(name, now) else _too_many("too_many_actions", ACTED.wait(name, now))
+    return key if ACTED.count(name, now) else too_many(ACTED, name, now, "too_many_actions")
 
 
 def _kind(request: HttpRequest) -> str | None:
@@ -255,7 +245,7 @@ async def act(_request: HttpRequest, key: ApiKey, kind: str) -> JsonResponse:
 async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
     bridge = mqtt_bridge.current()
     if not await bridge.wait_connected(BROKER_PATIENCE_SECONDS):
-        return _problem(503, "broker_away", "The robot cannot be reached now. Try again later.")
+        return problem(503, "broker_away", "The robot cannot be reached now. Try again later.")
     named = {
         "action_id": f"api-{uuid.uuid4().hex}",
         "stamp": now.timestamp(),
@@ -270,20 +260,20 @@ async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
 async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
     """Have the session manager bring it home as after a visit, unless it is somebody's."""
     if not key.robot.can_go_home:
-        return _problem(
+        return problem(
             409,
             "cannot_go_home",
             "The robot does not dock by itself, or its owner has turned this off.",
         )
     if was_stopped(key.robot):
-        return _problem(
+        return problem(
             409,
             "stopped",
             "Someone stopped the robot. A person at the robot, an operator or a new driver must"
             " release it.",
         )
     if not await database_sync_to_async(_mark_returning)(key.robot, now):
-        return _problem(
+        return problem(
             409, "driven", "A visitor has the robot. It returns to its station when the visit ends."
         )
     return JsonResponse({"apiVersion": VERSION}, status=202)

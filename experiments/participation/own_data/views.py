@@ -7,7 +7,6 @@ from typing import Any, Concatenate, ParamSpec
 from django.contrib import messages
 from django.contrib.auth import logout
 from django.contrib.auth.decorators import login_required
-from django.contrib.auth.views import redirect_to_login
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
 from django.shortcuts import get_object_or_404, redirect, render
 from django.urls import reverse
@@ -21,10 +20,11 @@ from accounts import audit
 from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.models import ConsentReceipt, Participant
-from experiments.participation import consent, progress
+from experiments.participation import progress
+from experiments.participation.consent import as_text
 from experiments.participation.own_data.gathering import gather
 from experiments.participation.views import show_code
-from experiments.participation.withdrawal import leaving
+from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal.views import leave
 from experiments.recruitment import recognition
 
@@ -35,97 +35,75 @@ Given = ParamSpec("Given")
 View = Callable[Concatenate[HttpRequest, Given], HttpResponseBase]
 
 
-def confirmed(view: View[Given]) -> View[Given]:
-    """Keep a view from browsers whose participant was let in by the recruitment site's id alone:
-    others know such ids.
-    """
+def private(view: View[Given]) -> View[Given]:
+    """Require a login that is not based on a recruitment site's id alone: others know such ids."""
 
+    @never_cache
+    @login_required
     @functools.wraps(view)
-    def kept(request: HttpRequest, *args: Given.args, **kwargs: Given.kwargs) -> HttpResponseBase:
+    def checked(
+        request: HttpRequest, *args: Given.args, **kwargs: Given.kwargs
+    ) -> HttpResponseBase:
         if recognition.was_by_id_alone(request.session):
             return render(request, "experiments/not_confirmed.html", status=FORBIDDEN)
         return view(request, *args, **kwargs)
 
-    return kept
+    return checked
 
 
-@never_cache
-@login_required
-@confirmed
+@private
 @require_safe
 def data(request: HttpRequest) -> HttpResponse:
-    """Show in what somebody takes part, and what they may do with what is kept of them."""
+    """List the user's participations, with links to their data and rights."""
     language = get_language() or ""
     rows = [
         (one, progress.title_of(one.study, language), one.consents.order_by("agreed_at"))
         for one in progress.of_user(request.user)
     ]
-    return render(
-        request,
-        "experiments/own_data.html",
-        {"rows": rows, "is_driving": leaving.is_driving(request.user)},
-    )
+    more = {"rows": rows, "is_driving": deletion.is_driving(request.user)}
+    return render(request, "experiments/own_data.html", more)
 
 
-@never_cache
-@login_required
-@confirmed
+@private
 @require_safe
 @limited(OWN_DATA, reading=True)
 def data_download(request: HttpRequest) -> JsonResponse:
-    """Answer with everything that is kept of whoever asks."""
     audit.note("own_data_downloaded", actor=request.user, person=request.user)
     headers = {"Content-Disposition": 'attachment; filename="my-data.json"'}
-    return JsonResponse(
-        gather(request.user),
-        headers=headers,
-        json_dumps_params={"indent": 1, "ensure_ascii": False},
-    )
+    form = {"indent": 1, "ensure_ascii": False}
+    return JsonResponse(gather(request.user), headers=headers, json_dumps_params=form)
 
 
-@never_cache
-@login_required
-@confirmed
+@private
 @require_POST
 @limited(OWN_DATA)
 def data_delete(request: HttpRequest) -> HttpResponseBase:
-    """Delete the account and all that belongs to it, when the user's name was typed as a
-    confirmation; a guest, who knows none, ticks a box.
-    """
+    """Delete the account, if the user typed their name, or a guest ticked a box."""
     user: Any = request.user
     if user.is_guest and not request.POST.get("sure"):
-        messages.error(request, _("To confirm, tick the box. Nothing was deleted."))
+        refusal = _("To confirm, tick the box. Nothing was deleted.")
     elif not user.is_guest and request.POST.get("username", "") != user.username:
-        messages.error(
-            request,
-            _("To confirm, type your user name exactly. Nothing was deleted."),
+        refusal = _("To confirm, type your user name exactly. Nothing was deleted.")
+    elif deletion.is_driving(user):
+        refusal = _(
+            "Nothing was deleted, because you are driving a robot or waiting for one. Leave "
+            "the robot or its queue first."
         )
-    elif leaving.is_driving(user):
-        messages.error(
-            request,
-            _(
-                "Nothing was deleted, because you are driving a robot or waiting for one. Leave "
-                "the robot or its queue first."
-            ),
-        )
-    elif not leaving.delete_everything(user, timezone.now()):
-        messages.error(
-            request, _("This account administers the site. Another administrator must delete it.")
-        )
+    elif not deletion.delete_everything(user, timezone.now()):
+        refusal = _("This account administers the site. Another administrator must delete it.")
     else:
         logout(request)
         messages.success(request, _("Your account and all your data have been deleted."))
         return redirect("home")
+    messages.error(request, refusal)
     return redirect("own_data")
 
 
-@never_cache
-@login_required
-@confirmed
+@private
 @require_POST
 @limited(NEW_CODES)
 def new_code(request: HttpRequest) -> HttpResponse:
-    """Show somebody without an account a new code, with which they continue on another device."""
+    """Show a guest a new code, with which they continue on another device."""
     user: Any = request.user
     if not user.is_guest:
         raise Http404
@@ -133,16 +111,14 @@ def new_code(request: HttpRequest) -> HttpResponse:
 
 
 def _own(request: HttpRequest, code: str) -> Participant:
-    """Return somebody's own participation; another's is not found."""
     return get_object_or_404(progress.of_user(request.user), code=code)
 
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@login_required
 def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
-    """Ask whether somebody means it, or take them out of the study."""
-    if not request.user.is_authenticated:
-        return redirect_to_login(request.get_full_path())
+    """Ask for a confirmation; a POST withdraws the participant."""
     participant = _own(request, code)
     title = progress.title_of(participant.study, get_language() or "")
     if request.method != "POST":
@@ -153,19 +129,14 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
     return leave(request, participant, timezone.now())
 
 
-@never_cache
-@login_required
-@confirmed
+@private
 @require_safe
 def receipt(request: HttpRequest, code: str, step: str) -> HttpResponse:
-    """Answer with what somebody agreed to, as a text to keep."""
-    row = ConsentReceipt.objects.filter(participant=_own(request, code), step=step).select_related(
-        "participant", "participant__study"
-    )
-    found = row.order_by("-version").first()
+    """Return the newest consent that a participant gave in a step, as text."""
+    rows = ConsentReceipt.objects.filter(participant=_own(request, code), step=step)
+    found = rows.select_related("participant__study").order_by("-version").first()
     if found is None:
         raise Http404
     headers = {"Content-Disposition": f'attachment; filename="consent-{code}.txt"'}
-    return HttpResponse(
-        consent.as_text(found), content_type="text/plain; charset=utf-8", headers=headers
-    )
+    text = as_text(found)
+    return HttpResponse(text, content_type="text/plain; charset=utf-8", headers=headers)

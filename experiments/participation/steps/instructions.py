@@ -16,14 +16,10 @@ from experiments.participation.step_page import StepPage, to_step
 PICTURES = frozenset(
     path.stem for path in (settings.BASE_DIR / "static" / "img" / "instructions").glob("*.svg")
 )
-
-
 EXAMPLES = frozenset({"map", "task"})  # they show a course, which is not that of the study
 
 
 class InstructionsStepPage(StepPage):
-    """Instructions."""
-
     label = _("Instructions")
     blank = {"leaves": []}
 
@@ -32,8 +28,8 @@ class InstructionsStepPage(StepPage):
         return not self.pages()
 
     def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
-        """Show the page that is asked for; whoever comes to one that only some conditions have is
-        assigned now, and turned away where every cell is full.
+        """Show the requested page. Before instructions with pages for some conditions, participants
+        are assigned, or screened out when every cell is full.
         """
         if self.step.named_conditions and grants.assign_reader(self.participant, now) is None:
             progress.screen_out(self.participant, now)
@@ -42,12 +38,9 @@ class InstructionsStepPage(StepPage):
 
     def _show(self, request: HttpRequest) -> HttpResponseBase:
         participant, pages = self.participant, self.pages()
-        asked = request.GET.get("leaf", "1")
-        number = (
-            min(max(int(asked), 1), len(pages))
-            if asked.isascii() and asked.isdigit() and len(asked) < len("1000")
-            else 1
-        )
+        asked, number = request.GET.get("leaf", ""), 1
+        if asked.isascii() and asked.isdigit() and len(asked) <= len("100"):
+            number = min(max(int(asked), 1), len(pages))
         page = pages[number - 1]
         more = {
             "text": self.filled(page.text, request),
@@ -64,15 +57,12 @@ class InstructionsStepPage(StepPage):
         return self.render(request, "experiments/instructions.html", more)
 
     def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
-        """Show them, or that there are none."""
         if not self.pages():
             return self.render(request, "experiments/trouble.html", {"trouble": "instructions"})
         return self._show(request)
 
     def pages(self) -> tuple[InstructionPage, ...]:
-        """Return the pages that are for the robots that the participant may drive, and for the
-        conditions that they may get.
-        """
+        """Return the pages for the robots and conditions that the participant may get."""
         conditions = progress.open_conditions(self.participant)
         robots, keys = {one.robot for one in conditions}, {one.key for one in conditions}
         return tuple(
@@ -83,12 +73,11 @@ class InstructionsStepPage(StepPage):
         )
 
     def take(self, request: HttpRequest, now: datetime.datetime) -> bool:
-        """Lead on whoever has read them."""
         return True
 
 
 def _address(picture: str) -> str:
-    """Return where a picture or video is; empty for none."""
+    """Return the address of a picture or video; empty for none."""
     if picture.startswith(OWN_MEDIA):
         return str(reverse("study_media", args=[picture]))
     return str(static(f"img/instructions/{picture}.svg")) if picture in PICTURES else ""

@@ -1,7 +1,7 @@
-"""The receipt of a withdrawal: what was deleted, and what had been given out before.
+"""The receipt of a withdrawal: what was deleted, and what had been exported before.
 
-Nothing of it is stored. The page carries it, signed by the site, so that it can be downloaded as
-text for a day.
+It is not stored. The page contains it, signed by the site, so that it can be downloaded as text for
+a day.
 """
 
 import datetime
@@ -54,11 +54,11 @@ BY: dict[str, str | Promise] = {
 
 
 class ReceiptError(ValueError):
-    """It was not made by this site, or too long ago."""
+    """The receipt was not made by this site, or is too old."""
 
 
 class Export(msgspec.Struct, frozen=True):
-    """Data that was given out: keys of `WHAT` and `BY`."""
+    """Exported data; `what`, and `by` (a role), are keys of `WHAT` and `BY`."""
 
     at: datetime.datetime
     what: str
@@ -70,14 +70,13 @@ class Export(msgspec.Struct, frozen=True):
 
     @property
     def by_text(self) -> str | Promise:
-        """The role of the person who took it."""
         return BY[self.by]
 
 
 class WithdrawalReceipt(msgspec.Struct, frozen=True):
-    """What a participant is told: `deleted` counts rows by the keys of `COUNTED`; `waits` tells
-    that a drive still has to end, `with_account` that the account goes too. `completion_code` is
-    what they had got for the recruitment site; it stays valid.
+    """The receipt: `deleted` counts rows by the keys of `COUNTED`; `waits` tells that a drive has
+    yet to end, `with_account` that the account is deleted too. `completion_code` is the one that
+    they got for the recruitment site; it stays valid.
     """
 
     title: str
@@ -97,11 +96,8 @@ class WithdrawalReceipt(msgspec.Struct, frozen=True):
 
 
 def of(participant: Participant, language: str, now: datetime.datetime) -> WithdrawalReceipt:
-    """Return the receipt of a withdrawal; to be asked before it, while there is something to
-    count.
-    """
-    user: Any = participant.user
-    study = participant.study
+    """Return the receipt of a withdrawal; call it before the deletion of what it counts."""
+    user, study = participant.user, participant.study
     living = participant.drives.filter(Q(settled_at=None) | Q(session__closed_at=None))
     return WithdrawalReceipt(
         title=progress.title_of(study, language),
@@ -122,10 +118,10 @@ def signed(receipt: WithdrawalReceipt) -> str:
 
 
 def read(text: str) -> WithdrawalReceipt:
-    """Return the receipt that a page carried.
+    """Return the receipt that a page posted.
 
     Raises:
-        ReceiptError: it is none of ours, or too old.
+        ReceiptError: it is not signed by this site, or too old.
     """
     try:
         return msgspec.convert(signing.loads(text, salt=SALT, max_age=SECONDS), WithdrawalReceipt)
@@ -137,24 +133,19 @@ def _counted(participant: Participant) -> dict[str, int]:
     responses = responses_of(participant)
     sessions = Session.objects.filter(drive__participant=participant)
     inside = {"session__in": sessions}
-    states = StateChunk.objects.filter(**inside).aggregate(n=Sum("count"))["n"] or 0
-    events = SessionEvent.objects.filter(**inside).count()
-    tasks = TaskEvent.objects.filter(drive__participant=participant).count()
+    tasks = TaskEvent.objects.filter(drive__participant=participant)
     return {
         "questionnaires": responses.count(),
         "answers": Answer.objects.filter(response__in=responses).count(),
         "drives": participant.drives.count(),
-        "states": states,
-        "events": events + tasks,
+        "states": StateChunk.objects.filter(**inside).aggregate(n=Sum("count"))["n"] or 0,
+        "events": SessionEvent.objects.filter(**inside).count() + tasks.count(),
         "network": NetworkSample.objects.filter(**inside).count(),
         "photos": Snapshot.objects.filter(**inside).count(),
         "notes": CodingEdit.objects.filter(coding__session__in=sessions).count(),
         "consents": participant.consents.count(),
         "pages": participant.step_visits.count(),
     }
-
-
-# --- what was given out ---------------------------------------------------------------------------
 
 
 def _exports(participant: Participant) -> tuple[Export, ...]:
@@ -177,10 +168,8 @@ def _what(entry: AuditEntry) -> str:
     others = {"session_exported": "drive", "sessions_exported": "drives"}
     if entry.act != "study_exported":
         return others.get(entry.act, "answers")
-    chosen = entry.detail.split()
-    return next(
-        (name for name in ("identified", "free_text", "public") if name in chosen), "pseudonymous"
-    )
+    forms = [one for one in ("identified", "free_text", "public") if one in entry.detail.split()]
+    return forms[0] if forms else "pseudonymous"
 
 
 def _by(actor: Any, roles: dict[Any, str]) -> str:

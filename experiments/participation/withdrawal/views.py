@@ -1,4 +1,4 @@
-"""The page after a withdrawal, which is the receipt of it, and the receipt as a text to keep."""
+"""The page after a withdrawal, which is its receipt, and the receipt as a text file."""
 
 import datetime
 
@@ -12,19 +12,17 @@ from django.views.decorators.http import require_POST
 
 from experiments.models import LEFT, Participant
 from experiments.participation import completion
-from experiments.participation.withdrawal import leaving
+from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal import receipt as receipts
 
 
 def leave(request: HttpRequest, participant: Participant, now: datetime.datetime) -> HttpResponse:
-    """Take a participant out of a study, and show the receipt, which nothing shows again, with the
-    code that the recruitment site asks for.
-    """
+    """Withdraw a participant; show the receipt, and the code for the recruitment site."""
     receipt = receipts.of(participant, get_language() or "", now)
     ending, code = completion.on_leaving(participant)
     address = completion.return_address(participant, ending)
     wants_code = bool(participant.completion_code or participant.recruitment_id)
-    leaving.leave(participant, now)
+    deletion.leave(participant, now)
     if getattr(request.user, "is_guest", False):
         logout(request)
     context = {
@@ -40,7 +38,7 @@ def leave(request: HttpRequest, participant: Participant, now: datetime.datetime
 @never_cache
 @require_POST
 def receipt_text(request: HttpRequest) -> HttpResponse:
-    """Answer with the receipt that the page carried, as text: no account is needed."""
+    """Return the receipt that the page posted, as text: no account is needed."""
     try:
         receipt = receipts.read(request.POST.get("receipt", ""))
     except receipts.ReceiptError as error:

@@ -91,9 +91,9 @@ def test_exposure_is_known_while_the_drive_lives(robot):
     drive = begin(robot)
     runner, at = Runner(), timezone.now().timestamp()
     event = PageEvent(stamp=at - 3600.0, type="first_frame", data={"way": "direct"})
-    told = {"robot": "", "session": str(drive.session_id), "clock_offset": None}
-    runner.on_message(**told, message=event, received_at=at)
-    runner.on_message(**told, message=event, received_at=at + 2.0)
+    about = {"robot": "", "session": str(drive.session_id), "clock_offset": None}
+    runner.on_message(**about, message=event, received_at=at)
+    runner.on_message(**about, message=event, received_at=at + 2.0)
     drive.refresh_from_db()
     assert drive.exposed_at.timestamp() == pytest.approx(at, abs=1e-3)
 
@@ -112,11 +112,11 @@ def test_frame_that_a_killed_session_manager_stored_exposes_the_participant(robo
 def test_draw_that_was_decided_before_a_process_died_is_applied_and_not_repeated(robot):
     study = p.published(small_study())
     participant = p.comer(study, person("ada"))
-    standing = grants.standing_of(participant.user, robot)
-    decided = grants._new_draw(participant, standing.cells, timezone.now())
+    pending = grants.pending_drive(participant.user, robot)
+    decided = grants._new_draw(participant, pending.cells, timezone.now())
     (place,) = places.held(study, "participant", timezone.now())
     assert (place.cell, place.stage) == (decided.cell, "under_way")
-    condition = grants.draw(participant, standing.cells, timezone.now())
+    condition = grants.draw(participant, pending.cells, timezone.now())
     participant.refresh_from_db()
     assert (condition.key, participant.cell, participant.draws_applied) == (
         decided.cell,
@@ -142,7 +142,9 @@ def test_assignment_is_balanced_by_an_answer_and_the_draw_says_so(robot):
     study = p.published(small_study(steps=steps, allocation=allocation))
     for name, games in (("ada", 4), ("ben", 4), ("cyn", 0), ("dan", 0)):
         participant = p.answered(p.comer(study, person(name)), "you", {"games": games})
-        grants.draw(participant, grants.standing_of(participant.user, robot).cells, timezone.now())
+        grants.draw(
+            participant, grants.pending_drive(participant.user, robot).cells, timezone.now()
+        )
     for level in ("4", "0"):
         rows = [row for row in Draw.objects.all() if row.levels == {"ict.games": level}]
         assert {row.cell for row in rows} == {"all_open", "shut"}

@@ -12,7 +12,7 @@ from experiments.definition.schema import digest, from_stored
 from experiments.models import Draw, Drive, Participant, ParticipantKind, Study, StudyMember
 from experiments.participation import advance, grants, progress
 from experiments.participation.grants import StudyTerms
-from experiments.participation.layout import track_of
+from experiments.tasks.stored_records import track_of
 from robots.access import may_drive, may_observe
 from robots.models import Robot, RobotPermit, RobotPresence
 from sessions.consumers import queries
@@ -125,13 +125,14 @@ def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, s
     )
 
 
-def test_nobody_is_asked_whether_they_are_there_unless_the_condition_says_so(robot, study):
-    standing = grants.standing_of(p.comer(study, person("ada")).user, robot)
-    condition = standing.definition.conditions[0]
+def test_presence_is_asked_only_where_the_condition_says_so(robot, study):
+    pending = grants.pending_drive(p.comer(study, person("ada")).user, robot)
+    condition = pending.definition.conditions[0]
     asked = msgspec.structs.replace(condition, idle_seconds=45.0)
-    assert [
-        grants.terms_of(standing, one, robot, 1).idle_seconds for one in (condition, asked)
-    ] == [0.0, 45.0]
+    assert [grants.terms_of(pending, one, robot, 1).idle_seconds for one in (condition, asked)] == [
+        0.0,
+        45.0,
+    ]
 
 
 def test_a_reload_changes_nothing(robot, study):
@@ -172,14 +173,14 @@ def test_a_participant_who_comes_back_keeps_the_cell_and_has_another_session(rob
     first = drives(robot, participant)
     Participant.objects.update(stage="filled", status="finished")
     participant.refresh_from_db()
-    assert advance.come_again(participant, timezone.now())
+    assert advance.begin_next_visit(participant, timezone.now())
     Participant.objects.update(step="task")
     second = drives(robot, participant)
     assert (second.condition, second.number, second.visit) == (first.condition, 2, 2)
     assert Participant.objects.get().stage == "filled"
 
 
-def test_somebody_whose_place_was_freed_is_drawn_anew(robot, study):
+def test_a_participant_whose_place_was_freed_is_drawn_again(robot, study):
     ada, ben = comers(study, 2)
     drives(robot, ada)
     Participant.objects.filter(pk=ada.pk).update(stage="freed")
@@ -233,7 +234,7 @@ def test_the_last_place_that_went_while_somebody_asked_ends_their_visit(robot, m
     ada, ben, cem = comers(study, 3)
     drives(robot, ada)
     drives(robot, ben)
-    monkeypatch.setattr(grants, "_why_not", lambda *_: "")
+    monkeypatch.setattr(grants.PendingDrive, "why_not", lambda *_: "")
     refused = take(robot, cem.user)
     assert (refused.reason, Session.objects.get(pk=refused.session).outcome) == (
         "full",
@@ -302,9 +303,7 @@ def test_a_robot_by_invitation_is_driven_by_the_invited_while_they_are_to_and_wa
     assert may_drive(invited.user, robot).reason == "not_invited"
 
 
-def test_whom_nobody_invited_costs_one_look_and_an_invitation_as_many_as_two(
-    robot, django_assert_num_queries
-):
+def test_a_visitor_without_an_invitation_costs_one_query(robot, django_assert_num_queries):
     by_invitation = [{**one, "access": "invitation"} for one in STUDY["conditions"]]
     invited, comer = person("ada"), person("ben")
     for slug in ("first", "second", "third"):
@@ -325,7 +324,7 @@ def test_everybody_else_drives_freely_where_the_study_does_not_mind(robot, study
     assert not Drive.objects.exists()
 
 
-def test_somebody_who_does_not_stand_on_a_drive_drives_for_themselves(robot, study):
+def test_a_participant_whose_step_is_no_drive_gets_no_terms(robot, study):
     participant = p.comer(study, person("ada"))
     Participant.objects.update(step="experience")
     assert take(robot, participant.user).terms == terms.FREE
@@ -376,7 +375,7 @@ def test_the_course_of_a_drive_stays_when_the_plan_is_drawn_anew(robot, study):
     assert before.dock.x == cabin().docks[0].x
 
 
-def test_who_drives_for_themselves_and_then_takes_part_begins_anew_from_the_station(robot, study):
+def test_a_visitor_who_then_takes_part_begins_again_from_the_station(robot, study):
     user = person("ada")
     free = take(robot, user).session
     Session.objects.filter(pk=free).update(state="driving", first_motion_at=timezone.now())

@@ -25,7 +25,7 @@ def twice():
 
 
 def answer(participant: Participant) -> None:
-    """Answer the questions of the step where somebody stands."""
+    """Answer the questions of the step of a participant."""
     step = progress.step_of(participant)
     given = ask(
         participant,
@@ -111,7 +111,7 @@ def test_the_way_through_the_papers_study_ends_at_the_thanks_with_a_code(study):
         "1.0.task",
         "1.0.experience",
     ]
-    # nobody drove
+    # without a drive
     assert (participant.step, participant.completion) == ("thanks", "technical_failure")
     assert participant.completion_code == completion.code(study, "technical_failure")
 
@@ -129,20 +129,18 @@ def test_within_participants_the_repeated_steps_are_gone_through_for_each_condit
 
 
 def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study):
-    from experiments.participation import consent
+    from experiments.participation.consent import agree
 
     participant = p.comer(study, person())
-    consent.agree(
-        participant, progress.step_of(participant), language="en", age=30, now=timezone.now()
-    )
+    agree(participant, progress.step_of(participant), language="en", age=30, now=timezone.now())
     advance.go_on(participant, progress.place(participant), timezone.now())
     answer(participant)
     walk(participant)
     p.assign(participant, "giraff_open")
-    assert advance.come_again(participant, timezone.now())
+    assert advance.begin_next_visit(participant, timezone.now())
     assert progress.place(participant) == JourneyPlace(2, 0, "instructions")
     assert (participant.status, participant.cell) == ("active", "giraff_open")
-    assert not advance.come_again(participant, timezone.now())
+    assert not advance.begin_next_visit(participant, timezone.now())
     assert walk(participant) == ["2.0.instructions", "2.0.task", "2.0.experience"]
     steps = {step.key: step for step in study.as_definition().steps}
     first, second = (
@@ -181,7 +179,7 @@ def test_codes_differ_by_ending_and_study_and_are_the_same_for_everybody(study, 
     assert completion.code(study, "done") == completion.code(Study.objects.get(pk=study.pk), "done")
 
 
-def test_who_sees_which_version(study):
+def test_each_user_sees_their_version(study):
     researcher, visitor = person("rita"), person("vic")
     StudyMember.objects.create(slug="exploration", user=researcher, role="viewer")
     draft = p.publishing.store(p.of("exploration", version=2), timezone.now())

@@ -1,4 +1,4 @@
-"""What somebody who withdraws is told: what was deleted, what stays, and what was given out."""
+"""The receipt of a withdrawal: what was deleted, what stays, and what had been exported."""
 
 import re
 
@@ -68,8 +68,8 @@ def test_copies_that_were_given_out_are_named_by_kind_time_and_role_and_not_by_n
     audit.note("study_exported", study=study.slug, thing="version 2")
     audit.note("study_exported", study=study.slug, thing="version 1", at=p.later(-86400))
     page = left(walker)
-    told = [" ".join(one.text.split()) for one in page.all("dd")]
-    assert told[-3:] == [
+    listed = [" ".join(one.text.split()) for one in page.all("dd")]
+    assert listed[-3:] == [
         "dataset with names, free text and photos; an owner of the study",
         "dataset by participant code; a viewer of the study",
         "dataset by participant code; somebody who no longer has a role here",

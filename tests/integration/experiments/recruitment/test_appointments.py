@@ -62,7 +62,7 @@ def move(walker: Walker, start: datetime.timedelta) -> None:
     )
 
 
-def test_nobody_drives_without_an_appointment_where_it_is_required(walk):
+def test_a_required_appointment_is_needed_to_drive(walk):
     walker = walk()
     page = walker.look()
     assert faults(page) == []
@@ -213,7 +213,7 @@ def test_the_link_of_an_e_mail_deletes_the_address_by_post_alone(walk):
     assert stranger.post(link).status_code == 200, "twice does no harm"
 
 
-def test_who_has_finished_is_invited_to_the_second_session_and_the_address_is_deleted(walk):
+def test_a_finished_participant_is_invited_once_and_the_address_is_deleted(walk):
     walker = with_address(walk(required=False, second_after_days=7))
     while walker.participant.step != "thanks":
         walker.do()
@@ -235,7 +235,7 @@ def test_an_address_is_deleted_when_nothing_is_due_any_more(walk):
     assert Appointment.objects.filter(participant=walker.participant).exists()
 
 
-def test_who_withdraws_gets_no_e_mail_and_leaves_no_address(walk):
+def test_a_withdrawal_deletes_the_address_and_stops_e_mails(walk):
     walker = with_address(walk(reminder_hours=2))
     move(walker, HOUR)
     walker.client.post(f"/taking-part/{walker.participant.code}/withdraw/")

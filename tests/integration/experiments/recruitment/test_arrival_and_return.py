@@ -47,7 +47,7 @@ def publish(robot):
 
 @dataclass
 class Recruit:
-    """Somebody whom Prolific sent; another browser is another one with the same id."""
+    """A participant from Prolific; another browser is another person with the same id."""
 
     study: Study
     robot: Any
@@ -254,7 +254,7 @@ def leads_back(one: Recruit, ending: str) -> None:
     assert code in page.text
 
 
-def test_who_finishes_returns_with_the_code_of_completion(recruit):
+def test_a_finished_participant_returns_with_the_code_of_completion(recruit):
     ada = recruit()
     ada.join()
     page = ada.finish()
@@ -265,7 +265,7 @@ def test_who_finishes_returns_with_the_code_of_completion(recruit):
     assert ada.participant.visit == 1, "paid once, taken part once"
 
 
-def test_who_runs_out_of_time_returns_with_a_code_of_their_own(recruit, publish):
+def test_a_timed_out_participant_returns_with_another_code(recruit, publish):
     ada = recruit(publish(recruiting={"site": "prolific"}))
     ada.join()
     assert "Your driving time ran out" in ada.finish("timed_out").text
@@ -281,7 +281,7 @@ def test_a_study_without_a_site_gives_one_code_to_all_who_drove(recruit):
     leads_back(ada, "timed_out")
 
 
-def test_who_took_the_robot_never_moved_and_left_reads_so_and_may_try_again(recruit):
+def test_leaving_without_moving_the_robot_is_shown_and_allows_another_try(recruit):
     ada = recruit()
     ada.join()
     page = ada.finish("cancelled", moved=False, reason="left")
@@ -294,7 +294,7 @@ def test_who_took_the_robot_never_moved_and_left_reads_so_and_may_try_again(recr
     leads_back(ada, "done")
 
 
-def test_who_did_nothing_until_the_page_gave_up_left(recruit):
+def test_a_participant_idle_until_the_page_gave_up_has_left(recruit):
     ada = recruit()
     ada.join()
     ada.finish("timed_out", moved=False, reason="idle")
@@ -312,7 +312,7 @@ def test_a_failure_that_is_not_the_participants_is_technical(recruit, outcome, m
     leads_back(ada, "technical_failure")
 
 
-def test_who_gave_up_waiting_for_the_robot_left(recruit):
+def test_a_participant_who_stopped_waiting_has_left(recruit):
     ada = recruit()
     ada.join()
     ada.go_to("task")
@@ -322,7 +322,7 @@ def test_who_gave_up_waiting_for_the_robot_left(recruit):
     leads_back(ada, "left")
 
 
-def test_who_met_no_robot_had_a_technical_failure(recruit):
+def test_an_unavailable_robot_is_a_technical_failure(recruit):
     ada = recruit()
     ada.join()
     ada.go_to("task")
@@ -332,7 +332,7 @@ def test_who_met_no_robot_had_a_technical_failure(recruit):
     leads_back(ada, "technical_failure")
 
 
-def test_who_withdraws_after_the_end_keeps_the_code_that_pays(recruit):
+def test_a_withdrawal_after_the_end_keeps_the_completion_code(recruit):
     ada = recruit()
     ada.join()
     ada.finish()
@@ -341,12 +341,12 @@ def test_who_withdraws_after_the_end_keeps_the_code_that_pays(recruit):
     assert faults(page) == []
     assert COMPLETE + code in [one.attributes.get("href") for one in page.all("a")]
     left = Participant.objects.get()
-    # everybody who ended so has this code: it says nothing of the person
+    # all participants with this ending have the code, so it does not identify one
     assert (left.recruitment_id, left.recruitment, left.completion_code) == ("", {}, code)
     assert "5f0c" not in left.recruited_as
 
 
-def test_who_declines_the_consent_returns_with_the_code_of_leaving(recruit):
+def test_declining_the_consent_returns_the_code_of_leaving(recruit):
     ada = recruit()
     ada.join()
     page = read(ada.walker.send(go="decline"))
@@ -422,7 +422,7 @@ def test_an_answer_that_a_rule_excludes_turns_away_with_a_code(recruit, publish,
     leads_back(ada, "screened_out")
 
 
-def test_who_is_turned_away_without_a_code_is_offered_no_return(recruit, publish):
+def test_a_screened_out_participant_without_a_code_gets_no_return_button(recruit, publish):
     ada = recruit(publish(screening=[RULE]))
     ada.join()
     ada.go_to("about_you")
@@ -462,7 +462,7 @@ def test_a_study_for_computers_sends_phones_elsewhere_before_anything_is_stored(
     assert ada.join().url == STEP
 
 
-def test_who_has_no_such_device_is_turned_away_with_a_code(recruit, publish):
+def test_a_participant_without_the_device_is_screened_out_with_a_code(recruit, publish):
     ada = recruit(publish(devices=["computer"], turned_away_code=True))
     ada.client = Client(headers={"user-agent": PHONE})
     ada.arrive()

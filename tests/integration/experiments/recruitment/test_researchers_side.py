@@ -119,9 +119,9 @@ def test_a_rule_on_an_item_or_answer_that_does_not_exist_stands_in_the_way(study
     ):
         definition = p.of("exploration", screening=[{"questionnaire": "ict", **rule}])
         found = [one.sentence(str) for one in p.publishing.obstacles_here(definition)]
-        told = [one for one in found if "ict.gend" in one]
-        assert len(told) == bool(words), told
-        assert all(words in one for one in told)
+        shown = [one for one in found if "ict.gend" in one]
+        assert len(shown) == bool(words), shown
+        assert all(words in one for one in shown)
 
 
 # --- the API --------------------------------------------------------------------------------------
@@ -156,7 +156,7 @@ def test_a_program_reads_the_status_of_an_id(client, study, ada, key):
 
 
 def test_a_long_list_comes_in_pages(client, study, ada, key, monkeypatch):
-    monkeypatch.setattr(api, "MOST_LISTED", 1)
+    monkeypatch.setattr(api, "MAX_LISTED", 1)
     p.comer(study, person("bob"))
     first = ask(client, key).json()
     second = ask(client, key, after=first["next"]).json()
@@ -176,9 +176,9 @@ def test_program_reads_how_many_participants_a_study_has_by_outcome(client, stud
         Participant.objects.filter(pk=row.pk).update(**given)
     url = "/api/v1/studies/exploration/"
     assert client.get(url).status_code == 401
-    told = client.get(url, headers={"authorization": f"Bearer {key}"}).json()
-    (version,) = told["versions"]
-    assert (told["study"], version["version"], version["status"]) == (study.slug, 1, "published")
+    shown = client.get(url, headers={"authorization": f"Bearer {key}"}).json()
+    (version,) = shown["versions"]
+    assert (shown["study"], version["version"], version["status"]) == (study.slug, 1, "published")
     statuses = {"active": 1, "finished": 1, "screened_out": 0, "withdrawn": 1}
     assert (version["participants"], version["outcomes"]) == (statuses, {"done": 1})
 

@@ -24,7 +24,7 @@ from experiments.models import (
     StudyMember,
 )
 from experiments.participation import links
-from experiments.participation.withdrawal import leaving
+from experiments.participation.withdrawal import deletion
 from robots.models import Robot, RobotPermit
 from sessions import system_log
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, SystemLog
@@ -247,7 +247,7 @@ def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, b
         "Answer",
     }
     if by == "themselves":
-        assert leaving.delete_everything(user, timezone.now())
+        assert deletion.delete_everything(user, timezone.now())
     else:
         user.delete()
     assert traces(MARKS) == []

@@ -97,7 +97,7 @@ class Rig:
         )
 
     def think(self):
-        cue = self.engine.cue
+        cue = self.engine.progress.cue
         x, y = cue.target or (None, None)
         self.view.task = Task(session="s", stamp=self.now, cue=cue.key, number=cue.number, x=x, y=y)
         self.view.pose, self.view.docked, self.view.contact = (
@@ -124,7 +124,7 @@ def test_a_bot_completes_every_condition_of_the_papers_study_without_touching_an
     assert result.outcome == "completed", (
         rig.now,
         rig.view.pose,
-        rig.engine.cue,
+        rig.engine.progress.cue,
         rig.driver.closed,
         rig.driver.no_way,
     )

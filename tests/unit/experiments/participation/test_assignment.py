@@ -31,7 +31,7 @@ def within(count: int, order: str):
 
 
 class Month:
-    """A study that runs: so many participants under way at once, of whom some leave before they
+    """A running study: so many participants in progress at once, some of which leave before they
     drive and some have a broken robot.
     """
 

@@ -42,7 +42,7 @@ class Month:
 
     rng: random.Random
     cells: list[Cell]
-    waits: float  # hours after which somebody who is silent counts as having left
+    waits: float  # hours after which an absent participant counts as having left
     people: list[Person] = field(default_factory=list)
 
     def held(self, now):
@@ -60,7 +60,7 @@ class Month:
         )
 
     def comes(self, now):
-        """Somebody drives one condition, then leaves or drives the others."""
+        """A participant drives one condition, then leaves or drives the others."""
         choice = choose(self.cells, self.held(now), SURE, self.rng.getrandbits(31))
         one = Person(choice.cell, now)
         self.people.append(one)

@@ -1,4 +1,4 @@
-"""The privacy page says of every field and table what becomes of it when somebody withdraws."""
+"""The privacy page describes the effect of a withdrawal on every field and table."""
 
 import re
 

@@ -4,8 +4,8 @@ import pytest
 
 from experiments.definition.recruitment.recruiting import Recruiting
 from experiments.recruitment.sites import (
-    NOBODY,
     PROFILES,
+    UNNAMED,
     Arrival,
     arrival,
     return_address,
@@ -23,9 +23,9 @@ MTURK = {"workerId": "A1", "assignmentId": "3X", "hitId": "H", "turkSubmitTo": "
         ("any", MTURK, Arrival("mturk", "A1", "3X")),
         ("any", {"survey_code": "77"}, Arrival("sona", "77")),
         ("any", {"participantId": "C", "assignmentId": "D"}, Arrival("cloudresearch", "C", "D")),
-        ("prolific", MTURK, NOBODY),
-        ("any", {"utm_source": "mail"}, NOBODY),
-        ("any", {"PROLIFIC_PID": "   "}, NOBODY),
+        ("prolific", MTURK, UNNAMED),
+        ("any", {"utm_source": "mail"}, UNNAMED),
+        ("any", {"PROLIFIC_PID": "   "}, UNNAMED),
     ],
 )
 def test_the_parameters_of_each_site_say_who_came(site, parameters, expected):
@@ -36,11 +36,11 @@ def test_the_parameters_of_each_site_say_who_came(site, parameters, expected):
     "value", ["{{%PROLIFIC_PID%}}", "%SURVEY_CODE%", "${e://Field/id}", "[id]"]
 )
 def test_a_placeholder_that_the_site_did_not_fill_in_is_nobody(value):
-    assert arrival(None, {"PROLIFIC_PID": value}) == NOBODY
+    assert arrival(None, {"PROLIFIC_PID": value}) == UNNAMED
 
 
 def test_a_worker_who_only_previews_a_task_is_nobody():
-    assert arrival(None, {**MTURK, "assignmentId": "ASSIGNMENT_ID_NOT_AVAILABLE"}) == NOBODY
+    assert arrival(None, {**MTURK, "assignmentId": "ASSIGNMENT_ID_NOT_AVAILABLE"}) == UNNAMED
 
 
 def test_another_sites_own_parameter_holds_the_id():
