@@ -9,10 +9,10 @@ from typing import Any
 
 import msgspec
 
+from experiments.builder.arrangement import free_key
 from experiments.builder.design import (
     StudyDesign,
     design_of,
-    free_key,
     new_factor,
     new_level,
     with_design,
