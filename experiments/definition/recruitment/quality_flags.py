@@ -1,7 +1,5 @@
-"""The names of quality flags: signs that a participant did not take part as meant.
-
-A flag is graded and excludes no participant by itself. A plan can name flags as rules of exclusion;
-experiments/analysis/quality/ finds them.
+"""The names of quality flags (experiments/analysis/quality/): signs that a participant did not take
+part as intended. A flag alone excludes nobody; a plan can name flags as rules of exclusion.
 """
 
 from enum import IntEnum
@@ -21,8 +19,8 @@ QUALITY_FLAGS: tuple[QualityFlag, ...] = get_args(QualityFlag)
 
 
 class Grade(IntEnum):
-    """How serious a flag is: 1 happens to attentive participants as well, 2 is worth a look, 3 is
-    hardly compatible with taking part as meant.
+    """1 happens to attentive participants, 2 is worth a look, 3 is hardly compatible with taking
+    part as intended.
     """
 
     NOTE = 1
