@@ -21,8 +21,8 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.forms import CopyForm, PublishForm, StudyForm
-from experiments.builder.recruitment_labels import ENDING_NAMES
-from experiments.builder.views import BuilderPages, doubted, sections, told
+from experiments.builder.labels import ENDING_NAMES
+from experiments.builder.views import BuilderPages, linked_doubts, linked_problems, sections
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
 from experiments.models import Participant, ParticipantKind, Study, StudyMember
@@ -233,8 +233,8 @@ class StudyAdmin(
         return {
             "study": row,
             "study_tab": "overview",
-            "problems": told(row),
-            "doubts": doubted(row) if row.status == Study.Status.DRAFT else [],
+            "problems": linked_problems(row),
+            "doubts": linked_doubts(row) if row.status == Study.Status.DRAFT else [],
             "is_owner": may(request.user, row.slug, "owner"),
             "may_research": may(request.user, row.slug, "researcher"),
             "sections": sections(row),
@@ -358,8 +358,8 @@ class StudyAdmin(
         context = {
             "form": form,
             "reasons": reasons,
-            "problems": told(row),
-            "doubts": doubted(row),
+            "problems": linked_problems(row),
+            "doubts": linked_doubts(row),
             "is_owner": True,
             "rehearsal": publishing.passed_rehearsal(row),
             "offer": offer_of(row),
