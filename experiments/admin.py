@@ -351,8 +351,7 @@ class StudyAdmin(
                 reasons = sentences(one for one in error.reasons if one not in known)
             else:
                 messages.success(
-                    request,
-                    gettext("Study published. Its definition can no longer be changed."),
+                    request, gettext("Study published. Its definition can no longer be changed.")
                 )
                 return redirect("admin:experiments_study_change", row.pk)
         context = {

@@ -102,11 +102,7 @@ def _put(definition: StudyDefinition, now: datetime.datetime) -> Row:
 
 def _fields(definition: StudyDefinition) -> dict[str, Any]:
     title = text_in(definition.title, ("en", *definition.title)) or definition.slug
-    return {
-        "title": title[:200],
-        "definition": as_stored(definition),
-        "sha256": digest(definition),
-    }
+    return {"title": title[:200], "definition": as_stored(definition), "sha256": digest(definition)}
 
 
 def save_draft(row: Row, definition: StudyDefinition) -> Row:

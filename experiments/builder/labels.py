@@ -428,11 +428,7 @@ CHOICES: dict[str, dict[str, Words]] = {
     "balancing": {"strata": _("strata"), "minimization": _("minimization")},
     "minors": {"refused": _("cannot take part"), "guardian": _("need a guardian's consent")},
     "access": {"open": _("anyone with the link"), "invitation": _("invited participants")},
-    "control_way": {
-        "any": _("any"),
-        "datachannel": _("WebRTC only"),
-        "mqtt": _("server only"),
-    },
+    "control_way": {"any": _("any"), "datachannel": _("WebRTC only"), "mqtt": _("server only")},
     "controllers": {
         "keyboard": _("keyboard"),
         "mouse": _("mouse"),

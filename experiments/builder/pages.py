@@ -8,13 +8,7 @@ from typing import Any
 import msgspec
 
 from experiments.builder.arrangement import free_key
-from experiments.builder.design import (
-    StudyDesign,
-    design_of,
-    new_factor,
-    new_level,
-    with_design,
-)
+from experiments.builder.design import StudyDesign, design_of, new_factor, new_level, with_design
 from experiments.builder.labels import GUIDE
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import Code
@@ -283,11 +277,7 @@ def new_part(
         "answer_quotas": {"questionnaire": "questionnaire", "item": "item"},
         "modifiers": {"name": f"modifier {n + 1}", "values": []},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
-        "zones": {
-            "name": f"zone_{n + 1}",
-            "title": {},
-            "polygon": corners,
-        },
+        "zones": {"name": f"zone_{n + 1}", "title": {}, "polygon": corners},
     }
     return parts.get(key)
 

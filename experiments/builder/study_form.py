@@ -117,7 +117,7 @@ class StudyPartForm(PartForm):
     def read(
         cls, part: type[Any], sent: Any, *, only: Collection[str] = (), prefix: str = ""
     ) -> Document:
-        """Return the document of a form. Factors and levels have the key that was shown as `was`."""
+        """Return the document of a form; `was` is the key that a factor or level was shown with."""
         if part is LevelSettings:
             factor = prefix.partition(".levels.")[0]
             only = sent.getlist(f"{factor}.changes") or NO_FIELDS

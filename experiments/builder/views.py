@@ -30,13 +30,7 @@ from experiments.builder.choices import (
     write_claims,
     write_contrasts,
 )
-from experiments.builder.design import (
-    complete,
-    design_table,
-    renaming,
-    restore,
-    set_by_levels,
-)
+from experiments.builder.design import complete, design_table, renaming, restore, set_by_levels
 from experiments.builder.labels import GUIDE
 from experiments.builder.pages import (
     DESIGN,
@@ -259,12 +253,7 @@ class BuilderPages(StudyPages):
         return self._render(request, row, place, context, status)
 
     def _render(
-        self,
-        request: HttpRequest,
-        row: Row,
-        place: BuilderPlace,
-        more: Document,
-        status: int = 200,
+        self, request: HttpRequest, row: Row, place: BuilderPlace, more: Document, status: int = 200
     ) -> HttpResponse:
         """Show a list, or the form of a `place` with its own problems; `more` is its context."""
         found, tab = linked_problems(row), INNER_LISTS.get(place.section, place.section)
