@@ -13,7 +13,7 @@ from typing import Any
 import msgspec
 from django.contrib.admin.models import CHANGE, LogEntry
 from django.db import IntegrityError, transaction
-from django.db.models import Max, Model
+from django.db.models import Max, Model, QuerySet
 from django.utils.translation import get_language, gettext
 
 from accounts import audit
@@ -22,7 +22,6 @@ from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import doubts, name_problems, problems
 from experiments.definition.reachability import unreachable
-from experiments.definition.recruitment.recruiting import AnswerQuota, AnswerRule
 from experiments.definition.schema import StudyDefinition, as_stored, digest
 from experiments.definition.step import AskingStep, DriveStep
 from experiments.definition.steps.consent import SHARING, TEMPLATE
@@ -105,6 +104,11 @@ def _fields(definition: StudyDefinition) -> dict[str, Any]:
     return {"title": title[:200], "definition": as_stored(definition), "sha256": digest(definition)}
 
 
+def _draft(row: Row) -> "QuerySet[Row]":
+    """Return the row of a draft; none once it has been changed or published since it was read."""
+    return Row.objects.filter(pk=row.pk, status=Row.Status.DRAFT, sha256=row.sha256)
+
+
 def save_draft(row: Row, definition: StudyDefinition) -> Row:
     """Store a changed draft, complete or not; name and version stay.
 
@@ -112,8 +116,7 @@ def save_draft(row: Row, definition: StudyDefinition) -> Row:
         ChangedMeanwhileError: the study was changed or published since the row was read.
     """
     named = msgspec.structs.replace(definition, slug=row.slug, version=row.version)
-    rows = Row.objects.filter(pk=row.pk, status=Row.Status.DRAFT, sha256=row.sha256)
-    if not rows.update(**_fields(named)):
+    if not _draft(row).update(**_fields(named)):
         raise ChangedMeanwhileError(f"{row.slug} {row.version} has since been changed or published")
     return Row.objects.get(pk=row.pk)
 
@@ -189,14 +192,12 @@ def problems_of(row: Row) -> list[Problem]:
     that a rehearsal can run with them.
     """
     definition = row.as_definition()
-    found = [*problems(definition), *_unfilled(definition), *obstacles_here(definition)]
-    return [one for n, one in enumerate(found) if one not in found[:n]]
-
-
-def _unfilled(definition: StudyDefinition) -> Iterator[Problem]:
+    found = list(problems(definition))
     if (consent := definition.consent) is not None:
         place = ProblemPlace("steps", definition.steps.index(consent))
-        yield from within(consent.unfilled(), place, _("Step"), consent.key)
+        found += within(consent.unfilled(), place, _("Step"), consent.key)
+    found += obstacles_here(definition)
+    return [one for n, one in enumerate(found) if one not in found[:n]]
 
 
 def obstacles_here(definition: StudyDefinition) -> list[Problem]:
@@ -265,9 +266,10 @@ def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
             for name in one.measures
             if name not in known and ("." not in name or name.partition(".")[0] in asked)
         ]
-        fitting = ((name, unfit_for(one.test, name)) for name in one.measures)
         found += [
-            Problem(unfit, {"name": name, "tests": tests}) for name, tests in fitting if tests
+            Problem(unfit, {"name": name, "tests": tests})
+            for name in one.measures
+            if (tests := unfit_for(one.test, name))
         ]
         yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
 
@@ -277,24 +279,19 @@ def _named_answers(definition: StudyDefinition) -> Iterator[Problem]:
     the questionnaire does not have, or the answer to a free text.
     """
     checks = definition.plan.attention_checks if definition.plan is not None else ()
-    for check in checks:
-        found = _of_answers(definition, check, (check.answer,), _("attention check"))
-        yield from within(found, ProblemPlace("plan"), _("Plan"))
-    for rule in (*definition.screening, *definition.answer_quotas):
-        found = _of_answers(definition, rule, rule.answers, _("rule"))
-        yield from within(found, ProblemPlace("recruitment"))
-
-
-def _of_answers(
-    definition: StudyDefinition,
-    rule: AttentionCheck | AnswerRule | AnswerQuota,
-    answers: Sequence[str],
-    name: str,
-) -> Iterator[Problem]:
-    asked = {(one.questionnaire, one.version) for one in definition.asking}
-    for one in _questionnaires(it for it in asked if it[0] == rule.questionnaire):
-        found = _of_item(one, rule.item, answers)
-        yield from within(found, None, name, f"{rule.questionnaire}.{rule.item}")
+    rules: list[Any] = [*checks, *definition.screening, *definition.answer_quotas]
+    versions = {(step.questionnaire, step.version) for step in definition.asking}
+    for rule in rules:
+        is_check = isinstance(rule, AttentionCheck)
+        answers = (rule.answer,) if is_check else rule.answers
+        name = _("attention check") if is_check else _("rule")
+        for asked in _questionnaires(one for one in versions if one[0] == rule.questionnaire):
+            found = _of_item(asked, rule.item, answers)
+            named = within(found, None, name, f"{rule.questionnaire}.{rule.item}")
+            if is_check:
+                yield from within(named, ProblemPlace("plan"), _("Plan"))
+            else:
+                yield from within(named, ProblemPlace("recruitment"))
 
 
 def _of_item(
@@ -345,9 +342,7 @@ def _questionnaires(versions: Iterable[tuple[str, int]]) -> Iterator[Questionnai
 
 
 def known_here() -> Known:
-    """Return what studies can use here. Questionnaires that come with the site count, because
-    publishing stores them.
-    """
+    """Return what studies can use here; publishing stores shipped questionnaires."""
     return Known(
         sites=sites(),
         robots=_robots(),
@@ -383,12 +378,8 @@ def _robots() -> dict[str, RobotFacts]:
 
 def _known_robots() -> list[Robot]:
     """Return the robots in use that have published a factsheet."""
-    robots = (
-        Robot.objects.filter(enabled=True, practice=False)
-        .select_related("floor_plan")
-        .defer("floor_plan__image")
-    )
-    return [robot for robot in robots if robot.presence.factsheet]
+    robots = Robot.objects.filter(enabled=True, practice=False).select_related("floor_plan")
+    return [robot for robot in robots.defer("floor_plan__image") if robot.presence.factsheet]
 
 
 def _robots_elsewhere(definition: StudyDefinition) -> Iterator[Problem]:
@@ -422,10 +413,8 @@ def usable() -> Iterator[QuestionnaireDefinition]:
 
 def passed_rehearsal(row: Row) -> Rehearsal | None:
     """Return the newest rehearsal of exactly this definition that passed."""
-    rehearsals = Rehearsal.objects.filter(
-        study=row, sha256=row.sha256, passed=True, finished_at__isnull=False
-    )
-    return rehearsals.order_by("-finished_at").first()
+    passed = Rehearsal.objects.filter(study=row, sha256=row.sha256, passed=True)
+    return passed.exclude(finished_at=None).order_by("-finished_at").first()
 
 
 def publish(
@@ -444,8 +433,8 @@ def publish(
     Raises:
         NotPublishableError: with every reason.
     """
-    rehearsal, reason = passed_rehearsal(row), reason.strip()
-    is_draft = row.status == Row.Status.DRAFT
+    rehearsal, reason, definition = passed_rehearsal(row), reason.strip(), row.as_definition()
+    is_draft, unsure = row.status == Row.Status.DRAFT, list(doubts(definition))
     wrong = problems_of(row) if is_draft else [Problem(_("Only a draft can be published."))]
     if rehearsal is None and len(reason) < LEAST_REASON:
         words = _(
@@ -453,39 +442,29 @@ def publish(
             "is published without one."
         )
         wrong.append(Problem(words, {"n": LEAST_REASON}))
-    unsure = list(doubts(row.as_definition()))
-    if not is_confirmed:
-        wrong += unsure
-    if wrong:
+    if wrong := wrong + ([] if is_confirmed else unsure):
         raise NotPublishableError(wrong)
-    definition = row.as_definition()
-    _freeze_questionnaires(definition, now)
+    shipped = shipped_questionnaires()
+    for step in definition.asking:
+        rows = QuestionnaireRow.objects.filter(slug=step.questionnaire, version=step.version)
+        used = rows.first() or questionnaires.store(shipped[step.questionnaire, step.version], now)
+        questionnaires.freeze(used, now)
     published = {
-        "definition": as_stored(definition),
-        "sha256": digest(definition),
+        **_fields(definition),
         "status": Row.Status.PUBLISHED,
         "published_at": now,
         "published_by": user,
         "unrehearsed_reason": "" if rehearsal is not None else reason,
     }
-    if not Row.objects.filter(pk=row.pk, status=Row.Status.DRAFT, sha256=row.sha256).update(
-        **published
-    ):
+    if not _draft(row).update(**published):
         words = _("The study has since been changed or published. Reload the page.")
         raise NotPublishableError([Problem(words)])
-    Row.objects.filter(slug=row.slug, status=Row.Status.PUBLISHED).exclude(pk=row.pk).update(
-        status=Row.Status.CLOSED, closed_at=now
-    )
-    audit.note(
-        "study_published",
-        actor=user,
-        study=row.slug,
-        detail=f"version {row.version}{', unrehearsed' if rehearsal is None else ''}",
-        at=now,
-    )
-    log(
-        row, user, f"Published without a rehearsal: {reason}" if rehearsal is None else "Published."
-    )
+    others = Row.objects.filter(slug=row.slug, status=Row.Status.PUBLISHED).exclude(pk=row.pk)
+    others.update(status=Row.Status.CLOSED, closed_at=now)
+    detail = f"version {row.version}{', unrehearsed' if rehearsal is None else ''}"
+    audit.note("study_published", actor=user, study=row.slug, detail=detail, at=now)
+    unrehearsed = f"Published without a rehearsal: {reason}"
+    log(row, user, unrehearsed if rehearsal is None else "Published.")
     for one in unsure:
         log(row, user, f"Confirmed: {one}")
     return Row.objects.get(pk=row.pk)
@@ -495,15 +474,6 @@ def log(row: Model, user: Any, text: str) -> None:
     """Write to the administration's log what a user did with a study or a part of it."""
     if user is not None:
         LogEntry.objects.log_actions(user.pk, [row], CHANGE, text, single_object=True)
-
-
-def _freeze_questionnaires(definition: StudyDefinition, now: datetime.datetime) -> None:
-    """Freeze the questionnaires of a study, and store those that come with the site."""
-    shipped = shipped_questionnaires()
-    for step in definition.asking:
-        row = QuestionnaireRow.objects.filter(slug=step.questionnaire, version=step.version).first()
-        row = row or questionnaires.store(shipped[step.questionnaire, step.version], now)
-        questionnaires.freeze(row, now)
 
 
 def close(row: Row, now: datetime.datetime) -> Row:

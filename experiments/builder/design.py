@@ -72,12 +72,12 @@ def shared_fields(whole: Document) -> tuple[str, ...]:
 def with_design(whole: Document, design: Document) -> Document:
     """Return a study with a changed design and the new shared settings in its conditions."""
     fields, shared = shared_fields(whole), design.get("shared", {})
-    conditions = [
+    own = {"factors": design.get("factors", []), "allocation": design.get("allocation", {})}
+    own["conditions"] = [
         {key: value for key, value in one.items() if key not in fields} | shared
         for one in whole["conditions"]
     ]
-    own = {"factors": design.get("factors", []), "allocation": design.get("allocation", {})}
-    return {**whole, **own, "conditions": conditions}
+    return whole | own
 
 
 def set_by_levels(study: StudyDefinition, key: str) -> dict[str, str]:

@@ -180,7 +180,7 @@ def landing(whole: Document, step: Document) -> int | None:
 def new_in(section: str, whole: Document, **more: Any) -> Document:
     """Return a new part of a list (`NEW`) under a name that is free there."""
     name, value, fields = NEW[section]
-    texts = {} if "name" in fields else {"title": {}}
+    texts: Document = {} if "name" in fields else {"title": {}}
     return {name: free_key(value, _taken(whole, section)), **texts, **fields, **more}
 
 
@@ -212,41 +212,42 @@ def new_script_step(stage: Document, kind: str, places: Sequence[str]) -> Docume
 
 
 def new_course(whole: Document, at_hand: AtHand) -> Document:
-    """Return a course for the first robot and site of conditions without one, with the suggestions
-    of the plan.
-    """
+    """Return a course for the first robot and site of conditions without one."""
     wanted = [(one["robot"], one["site"]) for one in whole["conditions"]]
     taken = {(one["robot"], one["site"]) for one in whole["courses"]}
-    robot, site = next((name for name in wanted if name not in taken), at_hand.first)
-    plan = at_hand.sites.get(site)
-    course: Document = {"robot": robot, "site": site, "checkpoints": []}
-    return {**course, **_suggested(plan, robot)} if plan is not None else course
+    robot, site = next((one for one in wanted if one not in taken), at_hand.first)
+    return _suggested(robot, site, at_hand)
 
 
 def with_courses(whole: Document, at_hand: AtHand) -> Document:
     """Return a study with a course for each robot and site of its conditions."""
-    known = [one for one in whole["conditions"] if one["site"] in at_hand.sites]
-    wanted = {(one["robot"], one["site"]) for one in known}
-    courses = whole.get("courses", [])
-    while wanted - {(one["robot"], one["site"]) for one in courses}:
-        new = new_course({**whole, "conditions": known, "courses": courses}, at_hand)
-        courses = [*courses, new]
+    courses = list(whole.get("courses", []))
+    taken = {(one["robot"], one["site"]) for one in courses}
+    wanted = dict.fromkeys((one["robot"], one["site"]) for one in whole["conditions"])
+    for robot, site in wanted:
+        if site in at_hand.sites and (robot, site) not in taken:
+            courses.append(_suggested(robot, site, at_hand))
     return {**whole, "courses": courses}
 
 
-def _suggested(plan: FloorPlan, robot: str) -> Document:
-    """Return the route of a plan as a course, or at least its station."""
-    route, docks = plan.route_of(robot), [dock for dock in plan.docks if dock.type == robot]
-    doors = [door.name for door in plan.doors] if route is not None else []
-    named = {"dock": docks[0].name} if len(docks) > 1 else {}
-    if route is None:
+def _suggested(robot: str, site: str, at_hand: AtHand) -> Document:
+    """Return a course with the route that a plan suggests, or at least its station."""
+    course: Document = {"robot": robot, "site": site, "checkpoints": []}
+    plan = at_hand.sites.get(site)
+    if plan is None:
+        return course
+    docks = [dock for dock in plan.docks if dock.type == robot]
+    if len(docks) > 1:
+        course["dock"] = docks[0].name
+    if (route := plan.route_of(robot)) is None:
         stations = [{"number": 0, "x": dock.x, "y": dock.y} for dock in docks[:1]]
-        return {**named, "checkpoints": stations}
+        return course | {"checkpoints": stations}
     points = [
         {"number": one.number, "x": one.x, "y": one.y, "radius": one.radius}
         for one in route.checkpoints
     ]
-    return {**named, "checkpoints": points, "path": msgspec.to_builtins(route.path), "doors": doors}
+    doors = [door.name for door in plan.doors]
+    return course | {"checkpoints": points, "path": msgspec.to_builtins(route.path), "doors": doors}
 
 
 def new_part(

@@ -5,7 +5,7 @@ the whole form, so that adding, removing or moving a part loses no input. Drafts
 their problems are listed above the form.
 """
 
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import astuple, dataclass, replace
 from typing import Any
 
@@ -19,42 +19,12 @@ from django.utils.translation import gettext as _
 
 from experiments import instruction_media, publishing
 from experiments.access import may
+from experiments.builder import choices, pages
 from experiments.builder.advice import advice
 from experiments.builder.arrangement import Renamed, arranged, renamed
-from experiments.builder.choices import (
-    at_hand,
-    offered,
-    places,
-    questionnaire_titles,
-    speeds_refused,
-    write_claims,
-    write_contrasts,
-)
 from experiments.builder.design import complete, design_table, renaming, restore, set_by_levels
 from experiments.builder.labels import GUIDE
-from experiments.builder.pages import (
-    DESIGN,
-    INNER_LISTS,
-    LISTS,
-    PAGES,
-    PLAN,
-    BuilderPlace,
-    clicked_point,
-    copied,
-    landing,
-    list_in,
-    middle_of,
-    new_condition,
-    new_course,
-    new_in,
-    new_part,
-    new_script_step,
-    new_step,
-    parts_in,
-    renumber,
-    with_courses,
-    with_parts,
-)
+from experiments.builder.pages import DESIGN, INNER_LISTS, LISTS, PLAN, BuilderPlace, parts_in
 from experiments.builder.study_form import StudyPartForm
 from experiments.builder.study_page import StudyPages
 from experiments.builder.summaries import about, kinds, title_of
@@ -126,16 +96,14 @@ def sections(row: Row) -> list[dict[str, Any]]:
 
 
 def linked_problems(row: Row) -> list[LinkedProblem]:
-    """Return why a study cannot be published here."""
     return linked(row, publishing.problems_of(row))
 
 
 def linked_doubts(row: Row) -> list[LinkedProblem]:
-    """Return what must be confirmed before the study is published."""
-    return linked(row, list(doubts(row.as_definition())))
+    return linked(row, doubts(row.as_definition()))
 
 
-def linked(row: Row, found: list[Problem]) -> list[LinkedProblem]:
+def linked(row: Row, found: Iterable[Problem]) -> list[LinkedProblem]:
     """Return problems in the language of the page, each with the page on which it is corrected."""
     whole = whole_of(row)
 
@@ -166,12 +134,12 @@ class BuilderPages(StudyPages):
     def section_view(self, request: HttpRequest, pk: Any, section: str) -> HttpResponse:
         """Show or change a page of the study's own fields, or a list of its parts."""
         row = study_for(request, pk, "viewer")
-        if section in {*PAGES, PLAN, DESIGN}:
+        if section in {*pages.PAGES, PLAN, DESIGN}:
             return self._form(request, row, BuilderPlace(section))
         if section not in {*LISTS, *INNER_LISTS} - {"factors"}:
             raise Http404
         if request.method == "POST":
-            return self._change_list(request, _to_change(request, row), section)
+            return self._change_list(request, row, section)
         if section in INNER_LISTS:
             return HttpResponseRedirect(address(row, BuilderPlace(section)))
         return self._render(request, row, BuilderPlace(section), _list_of(row, section))
@@ -202,13 +170,14 @@ class BuilderPages(StudyPages):
             raise Http404
         if request.method != "POST":
             return self._show(request, row, place, SubmittedPart(part))
-        _to_change(request, row)
+        _require_change(request, row)
         draft = _read(request, row, place, whole)
-        saved = None if draft.errors else _save(request, row, place, draft)
-        if saved is None:
-            return self._show(request, Row.objects.get(pk=row.pk), place, draft, status=422)
+        draft.above += [] if draft.errors else _save(request, row, place, draft)
+        row.refresh_from_db()
+        if draft.errors or draft.above:
+            return self._show(request, row, place, draft, status=422)
         n = "" if place.index is None else f" {place.index + 1}"
-        publishing.log(saved, request.user, f"Changed: {place.section}{n}.")
+        publishing.log(row, request.user, f"Changed: {place.section}{n}.")
         messages.success(request, _("Saved."))
         anchor = f"#{draft.anchor}" if draft.anchor else ""
         return HttpResponseRedirect(address(row, place) + anchor)
@@ -276,25 +245,27 @@ class BuilderPages(StudyPages):
     # --- lists ------------------------------------------------------------------------------------
 
     def _change_list(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
+        _require_change(request, row)
         verb, what = pressed(request.POST, 2)
         whole = whole_of(row)
         parts, place = parts_in(whole, section), BuilderPlace(section)
         n = number(what)
         if verb == "add":
             new = _new(section, what, whole)
-            n = len(parts) if section != "steps" else landing(whole, new)
+            n = len(parts) if section != "steps" else pages.landing(whole, new)
             if n is None:
                 raise Http404
             changed, place = [*parts[:n], new, *parts[n:]], BuilderPlace(section, n)
         else:
             changed = change(parts, verb, n)
             if verb == "copy" and len(changed) > len(parts):
-                changed[n + 1] = copied(section, parts[n], whole)
+                changed[n + 1] = pages.copied(section, parts[n], whole)
                 place = BuilderPlace(section, n + 1)
         is_same = request.POST.get("sha256") == row.sha256
-        saved = _keep(row, with_parts(whole, section, changed)) if is_same else str(MEANWHILE)
-        if isinstance(saved, str):
-            messages.error(request, saved)
+        new_whole = pages.with_parts(whole, section, changed)
+        reasons = _store(row, new_whole) if is_same else [str(MEANWHILE)]
+        for reason in reasons:
+            messages.error(request, reason)
             place = BuilderPlace(section)
         return HttpResponseRedirect(address(row, place))
 
@@ -303,11 +274,9 @@ def _may_change(request: HttpRequest, row: Row) -> bool:
     return row.status == Row.Status.DRAFT and may(request.user, row.slug, "owner")
 
 
-def _to_change(request: HttpRequest, row: Row) -> Row:
-    """Return a row that the user may change; a 404 for others."""
+def _require_change(request: HttpRequest, row: Row) -> None:
     if not _may_change(request, row):
         raise Http404
-    return row
 
 
 def _shown_form(
@@ -317,7 +286,7 @@ def _shown_form(
         place.cls(former),
         draft.part,
         languages=whole["languages"],
-        offered=offered(row, whole, draft.part, place.section),
+        offered=choices.offered(row, whole, draft.part, place.section),
         only=place.only,
         is_sent=bool(draft.errors),
         decided=("Allocation.design",) if whole["factors"] else (),
@@ -341,19 +310,19 @@ def _read(request: HttpRequest, row: Row, place: BuilderPlace, whole: Document) 
     anchor = _press(part, request.POST, whole["languages"])
     match place.section:
         case "courses":
-            part = renumber(part)
+            part = pages.renumber(part)
         case "conditions":
             restore(part, former, set_by_levels(study, former["key"]))
         case "design":
             complete(part, whole, whole["languages"])
         case "analyses":
-            write_contrasts(study, part)
+            choices.write_contrasts(study, part)
         case "plan":
-            write_claims(study, part)
+            choices.write_claims(study, part)
     listed: Document = {"shared": request.POST.getlist("shared_fields")}
     errors = StudyPartForm(cls, part, offered=listed, only=place.only, is_sent=True).told
     if place.section == "conditions" and not errors:
-        errors = speeds_refused(part)
+        errors = choices.speeds_refused(part)
     return SubmittedPart(part, errors | refused, anchor=anchor)
 
 
@@ -373,27 +342,26 @@ def _store_media(request: HttpRequest, row: Row, part: Document) -> dict[str, st
 def _press(part: Document, sent: Any, languages: Collection[str]) -> str:
     """Apply a button of a form to one of the lists in it; return the anchor to continue at."""
     verb, name, what = pressed(sent)
-    values = list_in(part, name) if verb in {"add", "remove", "up", "down"} else None
+    values = pages.list_in(part, name) if verb in {"add", "remove", "up", "down"} else None
     if values is None:
         return ""
     if verb != "add":
         values[:] = change(values, verb, number(what))
         return name
     if name == "steps":
-        new = new_script_step(part, what, places(publishing.sites().values()))
+        new = pages.new_script_step(part, what, choices.places(publishing.sites().values()))
     else:
-        middle = middle_of(publishing.sites().get(part.get("site", "")))
-        at = clicked_point(sent.get("at", ""), middle)
-        new = new_part(name, values, what, languages, at)
+        middle = pages.middle_of(publishing.sites().get(part.get("site", "")))
+        at = pages.clicked_point(sent.get("at", ""), middle)
+        new = pages.new_part(name, values, what, languages, at)
     values += [new] if new else []
     return "course" if sent.get("at") else f"{name}.{len(values) - 1}"
 
 
-def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> Row | None:
-    """Store the input of a form; None, with the reason in the draft, if that fails."""
+def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> list[str]:
+    """Store the input of a form, or return why not."""
     if request.POST.get("sha256") != row.sha256:
-        draft.above.append(str(MEANWHILE))
-        return None
+        return [str(MEANWHILE)]
     whole, part = whole_of(row), draft.part
     names = Renamed()
     if place.section == DESIGN:
@@ -401,28 +369,27 @@ def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedP
     elif place.index is not None and place.section in {"conditions", "analyses"}:
         old = parts_in(whole, place.section)[place.index]["key"]
         names = Renamed(**{place.section: {old: part["key"]}})
-    saved = _keep(row, place.put(renamed(whole, names), part), draws=place.section == DESIGN)
-    if isinstance(saved, str):
-        draft.above.append(saved)
-        return None
-    return saved
+    return _store(row, place.put(renamed(whole, names), part), draws=place.section == DESIGN)
 
 
-def _keep(row: Row, whole: Document, *, draws: bool = False) -> Row | str:
+def _store(row: Row, whole: Document, *, draws: bool = False) -> list[str]:
     """Store a study with what follows from its design, or return why not; `draws` adds missing
     courses.
     """
     try:
-        study, here = msgspec.convert(whole, StudyDefinition), at_hand()
-        blank = msgspec.convert(new_condition(whole, here), Condition)
+        study, here = msgspec.convert(whole, StudyDefinition), choices.at_hand()
+        blank = msgspec.convert(pages.new_condition(whole, here), Condition)
         study = arranged(study, row.as_definition(), blank)
         if draws:
-            study = msgspec.convert(with_courses(msgspec.to_builtins(study), here), StudyDefinition)
-        return publishing.save_draft(row, study)
+            document = pages.with_courses(msgspec.to_builtins(study), here)
+            study = msgspec.convert(document, StudyDefinition)
+        publishing.save_draft(row, study)
     except msgspec.ValidationError as error:
-        return f"{error}."
+        return [f"{error}."]
     except ChangedMeanwhileError:
-        return _("Not saved: someone changed or published this study at the same time. Try again.")
+        words = _("Not saved: someone changed or published this study at the same time. Try again.")
+        return [words]
+    return []
 
 
 # --- content of pages -----------------------------------------------------------------------------
@@ -434,7 +401,7 @@ def _list_of(row: Row, section: str) -> Document:
     """
     whole = whole_of(row)
     is_derived = section == "conditions" and bool(whole["factors"])
-    titles = questionnaire_titles() if section == "steps" else {}
+    titles = choices.questionnaire_titles() if section == "steps" else {}
     parts = [
         {
             "url": address(row, BuilderPlace(section, n)),
@@ -447,7 +414,7 @@ def _list_of(row: Row, section: str) -> Document:
     offered_kinds = [
         (kind, words)
         for kind, words in ([] if is_derived else kinds(section))
-        if section != "steps" or landing(whole, _new(section, kind, whole)) is not None
+        if section != "steps" or pages.landing(whole, _new(section, kind, whole)) is not None
     ]
     return {"parts": parts, "kinds": offered_kinds, "is_derived": is_derived}
 
@@ -483,7 +450,8 @@ def _new(section: str, kind: str, whole: Document) -> Document:
     if section == "steps":
         if kind not in KINDS:
             raise Http404
-        return new_step(kind, page_type(kind).blank, whole)
-    if section == "conditions":
-        return new_condition(whole, at_hand())
-    return new_course(whole, at_hand()) if section == "courses" else new_in(section, whole)
+        return pages.new_step(kind, page_type(kind).blank, whole)
+    if section not in {"conditions", "courses"}:
+        return pages.new_in(section, whole)
+    make = pages.new_condition if section == "conditions" else pages.new_course
+    return make(whole, choices.at_hand())

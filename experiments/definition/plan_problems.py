@@ -29,7 +29,8 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     for one in plan.hypotheses:
         yield from within(_of_hypothesis(one, study), None, _("hypothesis"), one.key)
     yield from _of_families(plan)
-    for rule in (*plan.attention_checks, *plan.speeders):
+    rules: list[AttentionCheck | Speeder] = [*plan.attention_checks, *plan.speeders]
+    for rule in rules:
         yield from _of_rule(rule, study)
     for expected in plan.expected:
         yield from _of_expected(expected, study)
