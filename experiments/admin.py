@@ -1,5 +1,6 @@
 """Studies in the administration: building, rehearsing, publishing, and links to their results."""
 
+from collections.abc import Callable
 from typing import Any
 
 from django.contrib import admin, messages
@@ -43,6 +44,18 @@ SETTINGS = ("entry", "exclusive")  # that published studies also change
 register_section("mail", mail_to_owner)
 
 
+def _count_of(kind: ParticipantKind, title: Any) -> Callable[[Any, Study], SafeString]:
+    """Return a column with the number of participants of a kind, linked to their list."""
+
+    @admin.display(description=title, ordering=f"n_{kind}")
+    def count(_admin: Any, row: Study) -> SafeString:
+        address = reverse("admin:experiments_participant_changelist")
+        query = f"?study={row.pk}&kind__exact={kind}"
+        return format_html('<a href="{}{}">{}</a>', address, query, getattr(row, f"n_{kind}", 0))
+
+    return count
+
+
 @admin.register(Study)
 class StudyAdmin(
     BuilderPages,
@@ -57,14 +70,8 @@ class StudyAdmin(
 
     form = StudyForm
     list_display = (
-        "title",
-        "name_and_version",
-        "status",
-        "people",
-        "pilots",
-        "bots",
-        "last_activity",
-        "ways",
+        *("title", "name_and_version", "status", "people", "pilots", "bots"),
+        *("last_activity", "links"),
     )
     list_filter = ("status",)
     list_per_page = 50
@@ -82,19 +89,14 @@ class StudyAdmin(
 
     def has_change_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
         """Owners change the entry and the definition of a draft."""
-        return (
-            self.has_module_permission(request)
-            if obj is None
-            else may(request.user, self.slug_of(obj), "owner")
-        )
+        if obj is None:
+            return self.has_module_permission(request)
+        return may(request.user, self.slug_of(obj), "owner")
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
         """Owners delete drafts without participants, one at a time: no action in the list."""
-        return (
-            isinstance(obj, Study)
-            and may(request.user, obj.slug, "owner")
-            and publishing.may_delete(obj)
-        )
+        is_owner = isinstance(obj, Study) and may(request.user, obj.slug, "owner")
+        return is_owner and publishing.may_delete(obj)
 
     # --- columns ----------------------------------------------------------------------------------
 
@@ -110,36 +112,21 @@ class StudyAdmin(
     def name_and_version(self, row: Study) -> str:
         return f"{row.slug} {row.version}"
 
-    @admin.display(description=_("participants"), ordering="n_participant")
-    def people(self, row: Study) -> SafeString:
-        return self._counted(row, ParticipantKind.PARTICIPANT)
-
-    @admin.display(description=_("pilots"), ordering="n_pilot")
-    def pilots(self, row: Study) -> SafeString:
-        return self._counted(row, ParticipantKind.PILOT)
-
-    @admin.display(description=_("bots"), ordering="n_bot")
-    def bots(self, row: Study) -> SafeString:
-        return self._counted(row, ParticipantKind.BOT)
-
-    @staticmethod
-    def _counted(row: Study, kind: ParticipantKind) -> SafeString:
-        address = reverse("admin:experiments_participant_changelist")
-        query = f"?study={row.pk}&kind__exact={kind}"
-        count = getattr(row, f"n_{kind}", 0)
-        return format_html('<a href="{}{}">{}</a>', address, query, count)
+    people = _count_of(ParticipantKind.PARTICIPANT, _("participants"))
+    pilots = _count_of(ParticipantKind.PILOT, _("pilots"))
+    bots = _count_of(ParticipantKind.BOT, _("bots"))
 
     @admin.display(description=_("last activity"), ordering="active_at")
     def last_activity(self, row: Study) -> str:
         return shown_time(getattr(row, "active_at", None))
 
     @admin.display(description="")
-    def ways(self, row: Study) -> SafeString:
+    def links(self, row: Study) -> SafeString:
         drives = reverse("admin:experiments_drive_changelist") + f"?study={row.pk}"
         live = reverse("study_live", args=[row.slug])
         analysis = reverse("study_analysis", args=[row.pk])
-        ways = ((drives, _("Drives")), (live, _("Live")), (analysis, _("Analysis")))
-        return format_html_join(" · ", '<a href="{}">{}</a>', ways)
+        links = ((drives, _("Drives")), (live, _("Live")), (analysis, _("Analysis")))
+        return format_html_join(" · ", '<a href="{}">{}</a>', links)
 
     # --- one study --------------------------------------------------------------------------------
 
@@ -186,11 +173,7 @@ class StudyAdmin(
         return HttpResponseRedirect(reverse("admin:experiments_study_change", args=[obj.pk]))
 
     def change_view(
-        self,
-        request: HttpRequest,
-        object_id: str,
-        form_url: str = "",
-        extra_context: dict[str, Any] | None = None,
+        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
     ) -> HttpResponse:
         row = self.get_object(request, object_id)
         more = self._overview(request, row) if row is not None else {}
@@ -199,7 +182,7 @@ class StudyAdmin(
     def _overview(self, request: HttpRequest, row: Study) -> dict[str, Any]:
         people = Participant.objects.filter(study=row, kind=ParticipantKind.PARTICIPANT).order_by()
         by_status = dict(people.values_list("status").annotate(n=Count("pk")))
-        codes = completion.codes(row).items()
+        codes, statuses = completion.codes(row).items(), Participant.Status.choices
         return {
             "study": row,
             "study_tab": "overview",
@@ -212,9 +195,7 @@ class StudyAdmin(
             "share": request.build_absolute_uri(reverse("study", args=[row.slug])),
             "rehearsal": publishing.passed_rehearsal(row),
             "offer": offer_of(row),
-            "statuses": [
-                (words, by_status.get(value, 0)) for value, words in Participant.Status.choices
-            ],
+            "statuses": [(words, by_status.get(value, 0)) for value, words in statuses],
             "hours": opening_hours.summary(row.opening_hours, row.time_zone),
             "title": gettext("Study"),
         }

@@ -223,13 +223,13 @@ def _missing_media(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
-    """Return titles of what a study can measure, by key and grouped: the metrics of drives under
-    "", then the scores, topics and items of each questionnaire under its title.
+    """Return titles of what a study can measure, by group and key: metrics of drives, and the
+    scores, topics and items of each questionnaire.
     """
     # loads the columns of datasets, which pages about a study without analyses do not need
     from experiments.analysis.metrics.definitions import METRICS  # noqa: PLC0415
 
-    found = {"": {one.name: _metric_name(one.name, one.unit) for one in METRICS}}
+    found = {gettext("Metrics of a drive"): {one.name: _metric_name(one) for one in METRICS}}
     asked = {(step.questionnaire, step.version) for step in definition.asking}
     for one in _questionnaires(asked):
         language = language_for(one, get_language() or "")
@@ -245,9 +245,9 @@ def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
     return found
 
 
-def _metric_name(name: str, unit: str) -> str:
-    words = name.replace("_", " ").capitalize()
-    return f"{words} ({unit})" if unit else words
+def _metric_name(metric: Any) -> str:
+    words = metric.name.replace("_", " ").capitalize()
+    return f"{words} ({metric.unit})" if metric.unit else words
 
 
 def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:

@@ -57,7 +57,8 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
     doors = tuple(dict.fromkeys(door.name for plan in plans for door in plan.doors))
     docks = [dock.name for plan in plans for dock in plan.docks if dock.type == part.get("robot")]
     conditions = {one.key: spoken(one.title, language) or one.key for one in study.conditions}
-    measures = _measures(study) if section in _MEASURING else {}
+    measures = publishing.measures_here(study) if section in _MEASURING else {}
+    pictures = [page.get("picture") or "" for page in part.get("leaves", ())]
     return {
         "languages": tuple(code for code, _label in settings.LANGUAGES),
         "robot": here.robots,
@@ -72,7 +73,10 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
         **dict.fromkeys(("condition", "first", "second", "conditions"), conditions),
         "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
         "outcomes": {key: CHOICES["outcomes"][key] for key in REFILLED},
-        "pictures": {name: name for name in sorted(PICTURES)} | _own_pictures(row, part),
+        "pictures": {
+            **{name: name for name in sorted(PICTURES)},
+            **instruction_media.titles(row.slug, pictures),
+        },
         "shared": shared_fields(whole),
         "effects": effects(study, language),
         "claims": claims(study, language),
@@ -82,30 +86,17 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
     }
 
 
-def _own_pictures(row: Row, part: Document) -> dict[str, str]:
-    used = [page.get("picture") or "" for page in part.get("leaves", ())]
-    return instruction_media.titles(row.slug, used)
-
-
 def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
     """Return the covariates of models: the age, and items of questionnaires about the person."""
-    asked = {
-        (one.slug, one.version): one
-        for one in publishing.usable()
-        if any(one.slug == step.questionnaire for step in study.asking if step.is_about_person)
-    }
+    about_person = {step.questionnaire for step in study.asking if step.is_about_person}
     named = {
-        f"{slug}.{item.key}": spoken(item.text, language)
-        for (slug, _version), one in asked.items()
+        f"{one.slug}.{item.key}": spoken(item.text, language)
+        for one in publishing.usable()
+        if one.slug in about_person
         for item in one.questions()
         if not item.item.is_free_text
     }
     return {AGE: _("Age"), **named}
-
-
-def _measures(study: StudyDefinition) -> dict[str, dict[str, str]]:
-    found = publishing.measures_here(study)
-    return {group or _("Metrics of a drive"): names for group, names in found.items()}
 
 
 def effects(study: StudyDefinition, language: str) -> dict[str, str]:
@@ -129,7 +120,11 @@ def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
 
 def write_claims(study: StudyDefinition, plan: Document) -> None:
     """Write the missing texts of hypotheses from their choices."""
-    named = {key: text for group in _measures(study).values() for key, text in group.items()}
+    named = {
+        key: text
+        for group in publishing.measures_here(study).values()
+        for key, text in group.items()
+    }
     sentences = {
         key: text
         for group in claims(study, study.languages[0]).values()

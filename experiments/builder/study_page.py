@@ -1,4 +1,4 @@
-"""A page of one study in the administration: its address and what is around its content."""
+"""The base of pages of one study in the administration."""
 
 from collections.abc import Callable
 from typing import Any

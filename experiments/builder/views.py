@@ -433,9 +433,9 @@ def course_check(study: StudyDefinition, n: int) -> Document:
     course = study.courses[n]
     mine = (one for one in problems(study) if one.place == ProblemPlace("courses", n))
     place = (course.robot, course.site)
-    driven = tuple(one for one in study.conditions if (one.robot, one.site) == place)
+    conditions = tuple(one for one in study.conditions if (one.robot, one.site) == place)
     task = tuple(step for step in study.steps if step is study.task)
-    alone = msgspec.structs.replace(study, courses=(course,), conditions=driven, steps=task)
+    alone = msgspec.structs.replace(study, courses=(course,), conditions=conditions, steps=task)
     # Missing texts are listed above the form; on its page the course needs no name.
     found = [
         replace(one, names=one.names[1:]) if one.place.section == "courses" else one

@@ -58,8 +58,7 @@ def scheme_problems(codes: Sequence[Code]) -> Iterator[Problem]:
     if not codes:
         yield Problem(_("The coding scheme has no codes."), place=place)
     if len(codes) > MAX_CODES:
-        words = _("A coding scheme has at most %(n)d codes.")
-        yield Problem(words, {"n": MAX_CODES}, place=place)
+        yield Problem(_("A coding scheme has at most %(n)d codes."), {"n": MAX_CODES}, place=place)
     names = (code.name.strip().casefold() for code in codes)
     keys = (code.key.lower() for code in codes if code.key)
     yield from within(duplicates(_("Code"), (code.code for code in codes)), place)
@@ -76,8 +75,7 @@ def _code_problems(code: Code) -> Iterator[Problem]:
         words = _("choose a single character as the key. The player already uses k, + and −.")
         yield Problem(words)
     if len(code.description) > MAX_DESCRIPTION or "\x00" in code.description:
-        words = _("the description is longer than %(n)d characters.")
-        yield Problem(words, {"n": MAX_DESCRIPTION})
+        yield Problem(_("the description is longer than %(n)d characters."), {"n": MAX_DESCRIPTION})
     if len(code.group) > MAX_NAME or not code.group.isprintable():
         yield Problem(_("the group's name is too long."))
     if code.group and code.kind == "point":

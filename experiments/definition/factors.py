@@ -1,5 +1,5 @@
 """Crossed factors: which conditions one participant may have, what levels set in a condition, and
-what is wrong with the cells of a design. A condition is one cell: it has one level of each factor.
+the problems of a design. A condition is a cell: it has one level of each factor.
 """
 
 import math
@@ -210,8 +210,7 @@ def _of_design(study: StudyDefinition) -> Iterator[Problem]:
         words = _("The assignment must be within participants, because the factor %(key)s is.")
         yield Problem(words, {"key": inside[0]})
     if study.factors and is_within and not inside:
-        words = _("The assignment must be between participants, because all factors are.")
-        yield Problem(words)
+        yield Problem(_("The assignment must be between participants, because all factors are."))
     if not is_within:
         return
     most = MOST_PERMUTED if study.allocation.order == "all" else MOST_ORDERED

@@ -159,8 +159,7 @@ def _of_condition(
     study: StudyDefinition, condition: Condition, known: Known, unreachable: Unreachable
 ) -> Iterator[Problem]:
     if condition.interface not in known.interfaces:
-        words = _("there is no interface profile %(name)s.")
-        yield Problem(words, {"name": condition.interface})
+        yield Problem(_("there is no interface profile %(name)s."), {"name": condition.interface})
     robot = known.robots.get(condition.robot)
     if robot is None:
         yield Problem(_("there is no robot of the series %(name)s."), {"name": condition.robot})

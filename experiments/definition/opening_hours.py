@@ -22,15 +22,14 @@ _WEEK = 7
 
 
 def problems(hours: Any, time_zone: str) -> Iterator[Problem]:
-    """Yield what is wrong with opening hours of a form or file."""
+    """Yield the problems of opening hours from a form or file."""
     try:
         ZoneInfo(time_zone)
     except (ZoneInfoNotFoundError, ValueError, OSError):  # also for folders and bad paths
         words = _("There is no time zone “%(name)s”; use a name such as Europe/Madrid.")
         yield Problem(words, {"name": time_zone})
     if not isinstance(hours, list) or len(hours) > _MOST_SPANS:
-        words = _("Opening hours must be a list of at most %(n)d spans.")
-        yield Problem(words, {"n": _MOST_SPANS})
+        yield Problem(_("Opening hours must be a list of at most %(n)d spans."), {"n": _MOST_SPANS})
         return
     for number, span in enumerate(hours, start=1):
         yield from within(_of_span(span), None, _("Span"), number)
@@ -53,14 +52,14 @@ def _of_span(span: Any) -> Iterator[Problem]:
 
 
 def is_open(hours: Hours, time_zone: str, now: datetime.datetime) -> bool:
-    return not hours or any(start <= now < end for start, end in _around(hours, time_zone, now))
+    return not hours or any(start <= now < end for start, end in spans(hours, time_zone, now))
 
 
 def opens_at(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.datetime | None:
     """Return when a closed study opens next, in its own time zone; None when it is open."""
     if is_open(hours, time_zone, now):
         return None
-    later = min(start for start, _end in _around(hours, time_zone, now) if start > now)
+    later = min(start for start, _end in spans(hours, time_zone, now) if start > now)
     return later.astimezone(ZoneInfo(time_zone))
 
 
@@ -72,15 +71,8 @@ def opens_on_the_wall(
     return later.replace(tzinfo=None) if later is not None else None
 
 
-def _around(
-    hours: Hours, time_zone: str, now: datetime.datetime
-) -> list[tuple[datetime.datetime, datetime.datetime]]:
-    """Return the spans from the day before a moment to a week after it."""
-    return spans(hours, time_zone, now, _WEEK + 1)
-
-
 def spans(
-    hours: Hours, time_zone: str, now: datetime.datetime, days_ahead: int
+    hours: Hours, time_zone: str, now: datetime.datetime, days_ahead: int = _WEEK + 1
 ) -> list[tuple[datetime.datetime, datetime.datetime]]:
     """Return the spans from the day before a moment to `days_ahead` days after it, in UTC."""
     zone = ZoneInfo(time_zone)
@@ -96,8 +88,7 @@ def _moments(
 ) -> tuple[datetime.datetime, datetime.datetime]:
     start, end = (datetime.time.fromisoformat(span[name]) for name in ("start", "end"))
     last = day if end > start else day + datetime.timedelta(days=1)
-    return _utc(day, start, zone), _utc(last, end, zone)
-
-
-def _utc(day: datetime.date, clock: datetime.time, zone: ZoneInfo) -> datetime.datetime:
-    return datetime.datetime.combine(day, clock, zone).astimezone(datetime.UTC)
+    opens = datetime.datetime.combine(day, start, zone)
+    closes = datetime.datetime.combine(last, end, zone)
+    # In UTC: moments of one zone compare by the wall clock, which is wrong when the clocks change.
+    return opens.astimezone(datetime.UTC), closes.astimezone(datetime.UTC)

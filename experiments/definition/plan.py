@@ -5,7 +5,6 @@ experiments/analysis/power/ simulates the expected effects. Texts are in one lan
 never see them.
 """
 
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from msgspec import Meta
@@ -99,14 +98,6 @@ class StudyPlan(DocumentPart, frozen=True, kw_only=True):
     blinding: str = ""
     missing_data: str = ""
     notes: str = ""
-
-
-def own_texts(plan: StudyPlan) -> Iterator[str]:
-    """Yield every text of the researchers."""
-    yield from (plan.question, plan.rationale, plan.stopping)
-    yield from (plan.blinding, plan.missing_data, plan.notes)
-    yield from (one.text for one in plan.hypotheses)
-    yield from (one.answer for one in plan.attention_checks)
 
 
 def is_confirmatory(plan: StudyPlan | None) -> bool:

@@ -1,4 +1,4 @@
-"""What is wrong with the plan of a study in itself."""
+"""The problems of a plan in itself."""
 
 from collections.abc import Iterator
 
@@ -9,7 +9,6 @@ from experiments.definition.plan import (
     Hypothesis,
     Speeder,
     StudyPlan,
-    own_texts,
 )
 from experiments.definition.schema import StudyDefinition
 from surveys.documents import MAX_TEXT, Problem, duplicates, within
@@ -20,7 +19,17 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     plan = study.plan
     if plan is None:
         return
-    for text in own_texts(plan):
+    own = (
+        plan.question,
+        plan.rationale,
+        plan.stopping,
+        plan.blinding,
+        plan.missing_data,
+        plan.notes,
+    )
+    texts = (one.text for one in plan.hypotheses)
+    answers = (one.answer for one in plan.attention_checks)
+    for text in (*own, *texts, *answers):
         if "\x00" in text:
             yield Problem(_("a text contains a null character; remove it."))
         if len(text) > MAX_TEXT:

@@ -1,4 +1,4 @@
-"""What is wrong with a definition in itself, and where it is corrected."""
+"""The problems of a definition in itself, and where each is corrected."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -39,7 +39,7 @@ def parse(document: bytes) -> StudyDefinition:
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield what is wrong with a study whose types are right."""
+    """Yield the problems of a study whose types are right."""
     yield from _of_the_whole(study)
     yield from within(_of_all_steps(study), ProblemPlace("steps"))
     for n, step in enumerate(study.steps):
@@ -53,7 +53,7 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     if study.wizard is not None:
         keys = [condition.key for condition in study.conditions]
         yield from wizards.problems(
-            study.wizard, keys, study.languages, told=study.tells_of_operator
+            study.wizard, keys, study.languages, is_debriefed=study.tells_of_operator
         )
     yield from within(plan_problems.problems(study), ProblemPlace("plan"), _("Plan"))
     place, asked = ProblemPlace("recruitment"), {step.questionnaire for step in study.asking}
@@ -86,8 +86,7 @@ def _of_the_whole(study: StudyDefinition) -> Iterator[Problem]:
         yield Problem(_("There is no language; add at least one."), place=about)
     yield from within(duplicates(_("Language"), study.languages), about)
     if "\x00" in study.source + study.licence + study.recruitment + study.compensation:
-        words = _("A text of the study contains a null character; remove it.")
-        yield Problem(words, place=about)
+        yield Problem(_("A text of the study contains a null character; remove it."), place=about)
     for one in text_problems(study, "study", study.languages):
         match one.path:
             case ("wizard", "stages", int(n), *path):
@@ -136,7 +135,7 @@ def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
 
 
 def doubts(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield what is allowed but rarely intended; the publisher of the study confirms it."""
+    """Yield what is allowed but probably a mistake; the publisher of the study confirms it."""
     task = study.task
     if task is None or not participants_do_several(study):
         return
@@ -238,8 +237,7 @@ def _of_assignment_and_analysis(study: StudyDefinition) -> Iterator[Problem]:
 
 def _of_rules(study: StudyDefinition) -> Iterator[Problem]:
     if bool(study.refill.outcomes) != bool(study.refill.most):
-        words = _("The participant replacement (refill) needs both outcomes and a number.")
-        yield Problem(words)
+        yield Problem(_("The participant replacement (refill) needs both outcomes and a number."))
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
         words = _(
             "The participant replacement (refill) cannot include outcomes of the task itself "

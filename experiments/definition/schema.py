@@ -2,8 +2,8 @@
 
 A study has *steps* that participants go through, *conditions* that are compared, and *courses* that
 are driven; what happens when follows from it alone (experiments/participation/assignment.py,
-experiments/tasks/engine.py). The SHA-256 of a published definition is frozen: what is stored,
-exported and hashed contains every value, so that changed defaults of a release change no study.
+experiments/tasks/engine.py). A published definition is frozen by its SHA-256. Stored, exported and
+hashed definitions contain every value, so that changed defaults of a release change no study.
 
 Texts are objects by language. Units are metres, radians, m/s and s in the frame of the site's map,
 unless a name says minutes. The classes refuse unknown fields and wrong types; problems.py checks
@@ -65,7 +65,7 @@ Outcome = Literal[
 ]
 
 
-# --- where it is driven ---------------------------------------------------------------------------
+# --- courses --------------------------------------------------------------------------------------
 
 
 class StudyCheckpoint(DocumentPart, frozen=True, kw_only=True):
@@ -114,7 +114,7 @@ class Course(DocumentPart, frozen=True, kw_only=True):
     photo: PhotoTask | None = None
 
 
-# --- what is compared -----------------------------------------------------------------------------
+# --- conditions -----------------------------------------------------------------------------------
 
 
 class Impairment(DocumentPart, frozen=True, kw_only=True):
@@ -164,7 +164,7 @@ class Condition(DocumentPart, frozen=True, kw_only=True):
     idle_seconds: Annotated[float, Meta(ge=0.0, le=3600.0)] | None = None
 
 
-# --- the rules ------------------------------------------------------------------------------------
+# --- rules ----------------------------------------------------------------------------------------
 
 
 class BalanceFactor(DocumentPart, frozen=True, kw_only=True):
@@ -323,8 +323,8 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     @property
     def operator_text(self) -> Text:
         """The debriefing's text about the hidden operator; empty without an operator."""
-        told = [step.operator for step in self.steps if isinstance(step, Debrief)]
-        return told[-1] if told and self.wizard is not None else {}
+        texts = [step.operator for step in self.steps if isinstance(step, Debrief)]
+        return texts[-1] if texts and self.wizard is not None else {}
 
     def wizard_of(self, condition: str) -> Wizard | None:
         """Return the hidden operator in a condition; None where the participant drives."""

@@ -113,10 +113,10 @@ class Wizard(DocumentPart, frozen=True, kw_only=True):
 
 
 def problems(
-    wizard: Wizard, conditions: Sequence[str], languages: Sequence[str], *, told: bool
+    wizard: Wizard, conditions: Sequence[str], languages: Sequence[str], *, is_debriefed: bool
 ) -> Iterator[Problem]:
-    """Yield problems of a script; `told` is whether the debriefing tells of the operator."""
-    if not told:
+    """Yield the problems of a script; `is_debriefed`: the debriefing tells of the operator."""
+    if not is_debriefed:
         words = _(
             "The debriefing must tell participants that an operator drove the robot: add a debrief "
             "step with an `operator` text."
@@ -135,8 +135,7 @@ def _of_whole(wizard: Wizard, conditions: Sequence[str]) -> Iterator[Problem]:
         if key not in conditions:
             yield Problem(_("there is no condition %(key)s."), {"key": key})
     if not wizard.steps and not wizard.by_hand:
-        words = _("the script has no step and driving by hand is off: add a step.")
-        yield Problem(words)
+        yield Problem(_("the script has no step and driving by hand is off: add a step."))
     yield from duplicates(_("Stage"), (stage.key for stage in wizard.stages))
     yield from duplicates(_("Step"), (step.key for step in wizard.steps))
     keys = (step.shortcut for step in wizard.steps if step.shortcut)

@@ -1,5 +1,5 @@
 """The names of quality flags (experiments/analysis/quality/): signs that a participant did not take
-part as intended. A flag alone excludes nobody; a plan can name flags as rules of exclusion.
+part as intended. A flag alone excludes no participant; a plan can name flags as rules of exclusion.
 """
 
 from enum import IntEnum
