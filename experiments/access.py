@@ -34,12 +34,10 @@ def role_of(user: Any, slug: str) -> Role | None:
 
 
 def may(user: Any, slug: str, least: Role) -> bool:
-    """Tell whether a user has at least a role in a study."""
     return RANK.get(role_of(user, slug) or "", 0) >= RANK[least]
 
 
 def may_operate_as_wizard(user: Any, slug: str) -> bool:
-    """Tell whether a user may be the hidden operator of a study."""
     return role_of(user, slug) in OPERATING
 
 

@@ -66,8 +66,6 @@ class StudyAdmin(
     WalkThroughPages,
     OfStudies,
 ):
-    """Studies by version. A published version does not change."""
-
     form = StudyForm
     list_display = (
         *("title", "name_and_version", "status", "people", "pilots", "bots"),
@@ -247,7 +245,6 @@ class StudyAdmin(
         return redirect("admin:experiments_study_change", row.pk)
 
     def export(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Return the definition as a file for import."""
         row = study_for(request, pk, "viewer")
         headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
         return HttpResponse(

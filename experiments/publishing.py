@@ -345,7 +345,7 @@ def known_here() -> Known:
     """Return what studies can use here; publishing stores shipped questionnaires."""
     return Known(
         sites=sites(),
-        robots=_robots(),
+        robots=robots_here(),
         questionnaires=frozenset((one.slug, one.version) for one in usable()),
         interfaces=frozenset(INTERFACES),
     )
@@ -357,7 +357,7 @@ def sites() -> dict[str, floorplan.FloorPlan]:
     return {name: floorplan.decode(msgspec.json.encode(plan)) for name, plan in rows}
 
 
-def _robots() -> dict[str, RobotFacts]:
+def robots_here() -> dict[str, RobotFacts]:
     """Return what all robots of a series can do: a participant may get any of them."""
     found: dict[str, RobotFacts] = {}
     for robot in _known_robots():

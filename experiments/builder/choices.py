@@ -40,10 +40,8 @@ _MEASURING = {"analyses", "plan"}  # sections whose forms name measures
 def at_hand() -> AtHand:
     """Return the sites, and the series of robots that published a factsheet or have a station."""
     sites = publishing.sites()
-    stations = {dock.type: None for plan in sites.values() for dock in plan.docks}
-    return AtHand(
-        sites=sites, robots=tuple({**dict.fromkeys(publishing.known_here().robots), **stations})
-    )
+    stations = (dock.type for plan in sites.values() for dock in plan.docks)
+    return AtHand(sites, tuple(dict.fromkeys((*publishing.robots_here(), *stations))))
 
 
 def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
@@ -214,7 +212,7 @@ def speeds_refused(part: Document) -> dict[str, str]:
         condition = msgspec.convert(part, Condition)
     except msgspec.ValidationError:
         return {}
-    robot = publishing.known_here().robots.get(condition.robot)
+    robot = publishing.robots_here().get(condition.robot)
     found = too_fast(condition, robot) if robot is not None else {}
     return {f"speed.{key}": capfirst(one.text(_)) for key, one in found.items()}
 
