@@ -77,8 +77,6 @@ class StudyAdmin(
     change_list_template = "admin/experiments/study/change_list.html"
     change_form_template = "admin/experiments/study/change_form.html"
 
-    # --- permissions ------------------------------------------------------------------------------
-
     def has_add_permission(self, request: HttpRequest) -> bool:
         """Users with the permission, and owners of a study, who create new versions."""
         user: Any = request.user
@@ -95,8 +93,6 @@ class StudyAdmin(
         """Owners delete drafts without participants, one at a time: no action in the list."""
         is_owner = isinstance(obj, Study) and may(request.user, obj.slug, "owner")
         return is_owner and publishing.may_delete(obj)
-
-    # --- columns ----------------------------------------------------------------------------------
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Study]":
         counts = {
@@ -125,8 +121,6 @@ class StudyAdmin(
         analysis = reverse("study_analysis", args=[row.pk])
         links = ((drives, _("Drives")), (live, _("Live")), (analysis, _("Analysis")))
         return format_html_join(" · ", '<a href="{}">{}</a>', links)
-
-    # --- one study --------------------------------------------------------------------------------
 
     def get_fieldsets(
         self, request: HttpRequest, obj: Study | None = None
@@ -197,8 +191,6 @@ class StudyAdmin(
             "hours": opening_hours.summary(row.opening_hours, row.time_zone),
             "title": gettext("Study"),
         }
-
-    # --- actions ----------------------------------------------------------------------------------
 
     def get_urls(self) -> list[URLPattern]:
         shipped = self.admin_site.admin_view(require_POST(self.take_shipped))

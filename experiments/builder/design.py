@@ -109,9 +109,6 @@ def restore(part: Document, former: Document, fields: Iterable[str]) -> None:
         here |= {key: before[key]} if key in before else {}
 
 
-# --- new factors and levels -----------------------------------------------------------------------
-
-
 def new_factor(factors: list[Document], setting: str, languages: Iterable[str]) -> Document:
     """Return a factor with two levels that changes a setting, or with "" nothing on the robot. It
     is within participants if the factor before it is.
@@ -222,9 +219,6 @@ def renaming(design: Document) -> Renamed:
         if was := factor.pop("was", ""):
             factors[was], levels[was] = factor["key"], own
     return Renamed(factors=factors, levels=levels)
-
-
-# --- in words -------------------------------------------------------------------------------------
 
 
 def values_text(changes: Iterable[str], sets: Mapping[str, Any]) -> str:

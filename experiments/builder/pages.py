@@ -135,9 +135,6 @@ def renumber(course: Document) -> Document:
     return {**course, "checkpoints": numbered}
 
 
-# --- new parts ------------------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class AtHand:
     """What conditions can use here: the sites' plans by map id, and the series of the robots."""

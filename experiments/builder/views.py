@@ -161,8 +161,6 @@ class BuilderPages(StudyPages):
         study = msgspec.convert(place.put(whole, draft.part), StudyDefinition)
         return JsonResponse(course_check(study, index))
 
-    # --- forms ------------------------------------------------------------------------------------
-
     def _form(self, request: HttpRequest, row: Row, place: BuilderPlace) -> HttpResponse:
         whole = whole_of(row)
         part = place.part(whole)
@@ -241,8 +239,6 @@ class BuilderPages(StudyPages):
         return self.study_page(
             request, row, f"builder_{page}", TITLES[tab], context, tab="builder", status=status
         )
-
-    # --- lists ------------------------------------------------------------------------------------
 
     def _change_list(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
         _require_change(request, row)
@@ -390,9 +386,6 @@ def _store(row: Row, whole: Document, *, draws: bool = False) -> list[str]:
         words = _("Not saved: someone changed or published this study at the same time. Try again.")
         return [words]
     return []
-
-
-# --- content of pages -----------------------------------------------------------------------------
 
 
 def _list_of(row: Row, section: str) -> Document:

@@ -56,9 +56,6 @@ class PublicationDetails(msgspec.Struct, frozen=True, kw_only=True, omit_default
         return tuple(name for name in self.__struct_fields__ if not getattr(self, name))
 
 
-# --- what people write ----------------------------------------------------------------------------
-
-
 def plain_orcid(text: str) -> str:
     """Return an ORCID iD without an address before it."""
     return text.strip().removeprefix("http://").removeprefix("https://").removeprefix("orcid.org/")
@@ -95,9 +92,6 @@ def from_stored(stored: Any) -> PublicationDetails:
         msgspec.ValidationError: it is not that of publication details.
     """
     return msgspec.convert(stored, PublicationDetails)
-
-
-# --- JSON-LD --------------------------------------------------------------------------------------
 
 
 def json_ld(details: PublicationDetails) -> dict[str, Any]:

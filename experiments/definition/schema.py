@@ -65,9 +65,6 @@ Outcome = Literal[
 ]
 
 
-# --- courses --------------------------------------------------------------------------------------
-
-
 class StudyCheckpoint(DocumentPart, frozen=True, kw_only=True):
     """A point of the course, passed within `radius` metres in the same room. Number 0 is the
     charging station.
@@ -112,9 +109,6 @@ class Course(DocumentPart, frozen=True, kw_only=True):
     doors: tuple[PlanKey, ...] = ()
     zones: Annotated[tuple[Zone, ...], Meta(max_length=100)] = ()
     photo: PhotoTask | None = None
-
-
-# --- conditions -----------------------------------------------------------------------------------
 
 
 class Impairment(DocumentPart, frozen=True, kw_only=True):
@@ -162,9 +156,6 @@ class Condition(DocumentPart, frozen=True, kw_only=True):
     doors_closed: tuple[PlanKey, ...] = ()
     network: Network = Network()
     idle_seconds: Annotated[float, Meta(ge=0.0, le=3600.0)] | None = None
-
-
-# --- rules ----------------------------------------------------------------------------------------
 
 
 class BalanceFactor(DocumentPart, frozen=True, kw_only=True):
@@ -306,14 +297,12 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         """Whether participants learn something of their condition before any video: from
         instructions, or from the drive page when they get the robot.
         """
+        places = {(one.access, one.robot, one.site) for one in self.conditions}
         looks = {
-            (one.access, one.robot, one.site): (one.interface, one.controllers, one.actions)
-            for one in reversed(self.conditions)
-        }
-        return self.tells_condition or any(
-            looks[one.access, one.robot, one.site] != (one.interface, one.controllers, one.actions)
+            (one.access, one.robot, one.site, one.interface, one.controllers, one.actions)
             for one in self.conditions
-        )
+        }
+        return self.tells_condition or len(looks) > len(places)
 
     @property
     def tells_of_operator(self) -> bool:
