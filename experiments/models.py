@@ -6,7 +6,7 @@ one leaves a row without personal data.
 
 import secrets
 import uuid
-from typing import Any, Final
+from typing import Any
 
 from django.conf import settings
 from django.db import models
@@ -14,18 +14,14 @@ from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
 
 from accounts.passwordless import CODE_LETTERS
+from experiments.definition.recruitment.recruiting import ENDINGS
 from experiments.definition.schema import StudyDefinition, as_stored, digest, from_stored
 from sessions.models import Session
 from surveys.documents import spoken
 
 CODE_LENGTH = 8
 USER = settings.AUTH_USER_MODEL
-# How taking part ended: experiments.definition.recruitment.recruiting.Ending.
-DONE: Final = "done"
-TECHNICAL_FAILURE: Final = "technical_failure"
-SCREENED_OUT: Final = "screened_out"
-TIMED_OUT: Final = "timed_out"
-LEFT: Final = "left"
+DONE, TIMED_OUT, TECHNICAL_FAILURE, SCREENED_OUT, LEFT = ENDINGS  # of taking part
 
 
 def not_drawn() -> str:

@@ -11,16 +11,8 @@ import msgspec
 
 # SPDX identifiers (https://spdx.org/licenses/) of common licences for data.
 LICENCES = (
-    "CC0-1.0",
-    "CC-BY-4.0",
-    "CC-BY-SA-4.0",
-    "CC-BY-NC-4.0",
-    "CC-BY-ND-4.0",
-    "CC-BY-NC-SA-4.0",
-    "CC-BY-NC-ND-4.0",
-    "ODC-By-1.0",
-    "ODbL-1.0",
-    "PDDL-1.0",
+    *("CC0-1.0", "CC-BY-4.0", "CC-BY-SA-4.0", "CC-BY-NC-4.0", "CC-BY-ND-4.0"),
+    *("CC-BY-NC-SA-4.0", "CC-BY-NC-ND-4.0", "ODC-By-1.0", "ODbL-1.0", "PDDL-1.0"),
 )
 SPDX, ORCID, DOI = "https://spdx.org/licenses/", "https://orcid.org/", "https://doi.org/"
 PREREGISTRATION, ETHICS = "Preregistration", "Ethics approval"

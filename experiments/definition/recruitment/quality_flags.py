@@ -3,7 +3,7 @@ part as intended. A flag alone excludes no participant; a plan can name flags as
 """
 
 from enum import IntEnum
-from typing import Literal, get_args
+from typing import Literal
 
 QualityFlag = Literal[
     "attention_check",
@@ -15,7 +15,6 @@ QualityFlag = Literal[
     "same_network",
     "same_id",
 ]
-QUALITY_FLAGS: tuple[QualityFlag, ...] = get_args(QualityFlag)
 
 
 class Grade(IntEnum):
