@@ -33,6 +33,10 @@ def new_code() -> str:
     return "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
 
 
+def _unique(name: str, *fields: str) -> models.UniqueConstraint:
+    return models.UniqueConstraint(fields=fields, name=name)
+
+
 class UuidModel(models.Model):
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
 
@@ -110,9 +114,7 @@ class Study(UuidModel):
         verbose_name = _("study")
         verbose_name_plural = _("studies")
         ordering = ("slug", "-version")
-        constraints = [
-            models.UniqueConstraint(fields=["slug", "version"], name="study_version_once")
-        ]
+        constraints = [_unique("study_version_once", "slug", "version")]
 
     def __str__(self) -> str:
         return f"{self.title} · {self.slug} {self.version}"
@@ -165,7 +167,7 @@ class StudyMember(UuidModel):
     class Meta:
         verbose_name = _("researcher")
         verbose_name_plural = _("researchers")
-        constraints = [models.UniqueConstraint(fields=["slug", "user"], name="one_role_in_a_study")]
+        constraints = [_unique("one_role_in_a_study", "slug", "user")]
 
     def __str__(self) -> str:
         return f"{self.user} · {self.slug} · {self.get_role_display()}"
@@ -346,8 +348,8 @@ class Draw(UuidModel):
         verbose_name_plural = _("draws")
         ordering = ("number",)
         constraints = [
-            models.UniqueConstraint(fields=["study", "kind", "number"], name="draw_number_once"),
-            models.UniqueConstraint(fields=["participant", "nth"], name="nth_draw_once"),
+            _unique("draw_number_once", "study", "kind", "number"),
+            _unique("nth_draw_once", "participant", "nth"),
         ]
 
     def __str__(self) -> str:
@@ -374,9 +376,7 @@ class ConsentReceipt(UuidModel):
     class Meta:
         verbose_name = _("consent")
         verbose_name_plural = _("consents")
-        constraints = [
-            models.UniqueConstraint(fields=["participant", "step", "version"], name="consent_once")
-        ]
+        constraints = [_unique("consent_once", "participant", "step", "version")]
 
     def __str__(self) -> str:
         return f"{self.participant_id} · {self.step} {self.version}"
@@ -444,9 +444,7 @@ class StudyKey(UuidModel):
     class Meta:
         verbose_name = _("API key of a study")
         verbose_name_plural = _("API keys of studies")
-        constraints = [
-            models.UniqueConstraint(fields=["slug", "label"], name="one_study_key_of_a_label")
-        ]
+        constraints = [_unique("one_study_key_of_a_label", "slug", "label")]
 
     def __str__(self) -> str:
         return f"{self.slug} · {self.label}"
@@ -517,11 +515,7 @@ class StepVisit(UuidModel):
         verbose_name = _("step visit")
         verbose_name_plural = _("step visits")
         ordering = ("began_at",)
-        constraints = [
-            models.UniqueConstraint(
-                fields=["participant", "visit", "round", "step"], name="step_visit_once"
-            )
-        ]
+        constraints = [_unique("step_visit_once", "participant", "visit", "round", "step")]
 
     def __str__(self) -> str:
         return f"{self.participant_id} · {self.visit}.{self.round} · {self.step}"
@@ -616,7 +610,7 @@ class TaskEvent(UuidModel):
         verbose_name = _("task event")
         verbose_name_plural = _("task events")
         ordering = ("number",)
-        constraints = [models.UniqueConstraint(fields=["drive", "number"], name="task_event_once")]
+        constraints = [_unique("task_event_once", "drive", "number")]
 
     def __str__(self) -> str:
         return f"{self.type} · {self.stamp:.1f}"
@@ -680,9 +674,7 @@ class CodingSchemeVersion(UuidModel):
         verbose_name = _("coding scheme")
         verbose_name_plural = _("coding schemes")
         ordering = ("study", "version")
-        constraints = [
-            models.UniqueConstraint(fields=["study", "version"], name="coding_scheme_once")
-        ]
+        constraints = [_unique("coding_scheme_once", "study", "version")]
 
     def __str__(self) -> str:
         return f"{self.study} · {self.version}"
@@ -710,9 +702,7 @@ class Coding(UuidModel):
         verbose_name = _("coding")
         verbose_name_plural = _("codings")
         ordering = ("session", "number")
-        constraints = [
-            models.UniqueConstraint(fields=["session", "scheme", "number"], name="coding_once")
-        ]
+        constraints = [_unique("coding_once", "session", "scheme", "number")]
 
     def __str__(self) -> str:
         return f"{self.session_id} · C{self.number}"
@@ -740,11 +730,7 @@ class CodingEdit(UuidModel):
         verbose_name = _("version of a coded event")
         verbose_name_plural = _("versions of coded events")
         ordering = ("at",)
-        constraints = [
-            models.UniqueConstraint(
-                fields=["coding", "event", "version"], name="coding_edit_version_once"
-            )
-        ]
+        constraints = [_unique("coding_edit_version_once", "coding", "event", "version")]
 
     def __str__(self) -> str:
         return f"{self.code} · {self.begin:.1f} · {self.version}"

@@ -15,6 +15,7 @@ from experiments.definition.wizard import Wizard, WizardStep
 from experiments.recruitment.sites import PROFILES
 from surveys.document_forms.guide import FormGuide
 from surveys.editor.labels import CHOICES as SURVEY_CHOICES
+from surveys.editor.labels import LABELS as SURVEY_LABELS
 
 Words = str | Promise
 # Settings without a button for a new factor.
@@ -28,11 +29,7 @@ ENDING_NAMES: dict[str, Words] = {
 }
 
 LABELS: dict[str, Words] = {
-    "title": _("Title"),
-    "intro": _("Introduction"),
-    "source": _("Source"),
-    "licence": _("Licence"),
-    "languages": _("Languages"),
+    **{key: SURVEY_LABELS[key] for key in ("title", "intro", "source", "licence", "languages")},
     "key": _("Short name"),
     "repeat": _("Once for each condition"),
     "text": _("Text"),

@@ -4,32 +4,21 @@ A shown cue is replaced a little later than it would be chosen, so that cues do 
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, get_args
 
 from experiments.definition.course import CourseTrack, Sight
 from experiments.definition.schema import Outcome
 from robots.api.messages import Point
 
-CueKey = Literal[
-    "wait_for_picture",
-    "leave_station",
-    "go_to_checkpoint",
-    "wrong_checkpoint",
-    "photo_turn_left",
-    "photo_turn_right",
-    "photo_move",
-    "photo_ready",
-    "photo_review",
-    "return_home",
-    "dock_now",
-    "dock_hold",
-    "dock_again",
-    "docked_early",
-    "lost",
-    "completed",
-    "timed_out",
-    "ended",
+CourseKey = Literal[
+    "wait_for_picture", "leave_station", "go_to_checkpoint", "wrong_checkpoint", "lost"
 ]
+PhotoKey = Literal[
+    "photo_turn_left", "photo_turn_right", "photo_move", "photo_ready", "photo_review"
+]
+DockingKey = Literal["dock_now", "dock_hold", "dock_again"]
+EndKey = Literal["completed", "timed_out", "ended"]
+CueKey = Literal[CourseKey, PhotoKey, "return_home", DockingKey, "docked_early", EndKey]
 Window = Literal["shut", "open", "review"]
 
 NEAR_HOME = 1.5  # metres from the station at which the participant is asked to dock
@@ -47,9 +36,8 @@ class Cue:
     target: Point | None = None
 
 
-DOCKING: frozenset[CueKey] = frozenset({"dock_now", "dock_hold", "dock_again"})
 FIRST = Cue("wait_for_picture")
-ENDED: dict[Outcome, CueKey] = {"completed": "completed", "timed_out": "timed_out"}
+ENDED: dict[Outcome, EndKey] = {"completed": "completed", "timed_out": "timed_out"}
 
 
 @dataclass(frozen=True)
@@ -125,7 +113,11 @@ def _home(situation: Situation, track: CourseTrack, shown: Cue | None) -> Cue:
     target = (track.dock.x, track.dock.y)
     if situation.lost:
         return Cue("lost", 0, target)
-    reach = NEAR_HOME * LEAVING if shown is not None and shown.key in DOCKING else NEAR_HOME
+    reach = (
+        NEAR_HOME * LEAVING
+        if shown is not None and shown.key in get_args(DockingKey)
+        else NEAR_HOME
+    )
     if situation.home > reach:
         return Cue("return_home", 0, target)
     return Cue("dock_again" if situation.dock_contacts else "dock_now", 0, target)

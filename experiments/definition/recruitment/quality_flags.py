@@ -5,16 +5,9 @@ part as intended. A flag alone excludes no participant; a plan can name flags as
 from enum import IntEnum
 from typing import Literal
 
-QualityFlag = Literal[
-    "attention_check",
-    "speeding",
-    "straight_lining",
-    "never_moved",
-    "regular_input",
-    "frozen_video",
-    "same_network",
-    "same_id",
-]
+AnswerFlag = Literal["attention_check", "speeding", "straight_lining"]
+DrivingFlag = Literal["never_moved", "regular_input", "frozen_video"]
+QualityFlag = Literal[AnswerFlag, DrivingFlag, "same_network", "same_id"]
 
 
 class Grade(IntEnum):
