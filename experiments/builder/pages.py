@@ -1,6 +1,7 @@
 """The pages of the study builder: what of a definition each edits, and what buttons add to it."""
 
 from collections.abc import Collection, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from statistics import fmean
 from typing import Any
@@ -52,13 +53,14 @@ CLASSES: Mapping[str, type[Any]] = {
     "codes": Code,
 }
 KEPT = ("kind", "levels")  # fields of steps and conditions without an input
+CONTROLLERS = ("keyboard", "mouse", "touch", "stick")  # of a new condition
 NEW_ZONE = 1.0  # sides of a new zone in metres
 # New parts: the field that names them, its value, and the other fields that they need. In sum
 # coding the main effect of a factor does not depend on the levels of the others.
 NEW: Mapping[str, tuple[str, str, Document]] = {
-    "conditions": ("key", "condition", {"controllers": ["keyboard", "mouse", "touch", "stick"]}),
-    "analyses": ("key", "analysis", {"coding": "sum"}),
-    "stages": ("key", "stage", {}),
+    "conditions": ("key", "condition", {"title": {}, "controllers": CONTROLLERS}),
+    "analyses": ("key", "analysis", {"title": {}, "coding": "sum"}),
+    "stages": ("key", "stage", {"title": {}}),
     "codes": ("code", "code", {"name": "", "kind": "point"}),
 }
 
@@ -177,8 +179,7 @@ def landing(whole: Document, step: Document) -> int | None:
 def new_in(section: str, whole: Document, **more: Any) -> Document:
     """Return a new part of a list (`NEW`) under a name that is free there."""
     name, value, fields = NEW[section]
-    texts: Document = {} if "name" in fields else {"title": {}}
-    return {name: free_key(value, _taken(whole, section)), **texts, **fields, **more}
+    return {name: free_key(value, _taken(whole, section)), **deepcopy(fields), **more}
 
 
 def new_condition(whole: Document, at_hand: AtHand) -> Document:
