@@ -5,16 +5,16 @@
 import functools
 import uuid
 from collections.abc import Callable
-from typing import Any, Concatenate, Literal, ParamSpec
+from typing import Any, Literal
 
 from django.http import Http404, HttpRequest, HttpResponseBase
+from django.shortcuts import get_object_or_404
 
 from experiments.models import Drive, Participant, ResearcherInvitation, Study, StudyMember
 from sessions.models import Session
 
 Role = Literal["owner", "researcher", "viewer", "coder", "wizard"]
-Given = ParamSpec("Given")
-View = Callable[Concatenate[HttpRequest, str, Given], HttpResponseBase]
+View = Callable[..., HttpResponseBase]
 # Coders and hidden operators have no rank: they only see their own pages.
 RANK: dict[str, int] = {"viewer": 1, "researcher": 2, "owner": 3}
 CODING = frozenset({"coder", "researcher", "owner"})
@@ -52,14 +52,12 @@ def forget_members(instance: Study, **_more: Any) -> None:
         ResearcherInvitation.objects.filter(slug=instance.slug).delete()
 
 
-def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:
+def for_role(least: Role) -> Callable[[View], View]:
     """Protect a view, whose first argument is a study's name, by a role."""
 
-    def keep(view: View[Given]) -> View[Given]:
+    def keep(view: View) -> View:
         @functools.wraps(view)
-        def kept(
-            request: HttpRequest, slug: str, *args: Given.args, **kwargs: Given.kwargs
-        ) -> HttpResponseBase:
+        def kept(request: HttpRequest, slug: str, *args: Any, **kwargs: Any) -> HttpResponseBase:
             if not may(request.user, slug, least):
                 raise Http404
             return view(request, slug, *args, **kwargs)
@@ -75,14 +73,13 @@ def drive_to_code(user: Any, session: uuid.UUID) -> Drive:
     Raises:
         Http404: there is none, its participant has withdrawn, or the user may not code it.
     """
-    drive = (
-        Drive.objects.filter(session=session, session__ended_at__isnull=False)
-        .exclude(participant__status=Participant.Status.WITHDRAWN)
+    drives = (
+        Drive.objects.exclude(participant__status=Participant.Status.WITHDRAWN)
         .select_related("participant__study", "session__robot__floor_plan")
         .defer("session__robot__floor_plan__image")
-        .first()
     )
-    if drive is None or not may_code(user, drive.participant.study.slug):
+    drive = get_object_or_404(drives, session=session, session__ended_at__isnull=False)
+    if not may_code(user, drive.participant.study.slug):
         raise Http404
     return drive
 
@@ -96,14 +93,8 @@ def session_for(user: Any, session: uuid.UUID) -> tuple[Session, Drive | None, b
     Raises:
         Http404: there is none, or the user may not see it.
     """
-    row = (
-        Session.objects.filter(pk=session)
-        .select_related("robot", "visitor", "robot__floor_plan")
-        .defer("robot__floor_plan__image")
-        .first()
-    )
-    if row is None:
-        raise Http404
+    rows = Session.objects.select_related("robot", "visitor", "robot__floor_plan")
+    row = get_object_or_404(rows.defer("robot__floor_plan__image"), pk=session)
     drive = Drive.objects.filter(session=row).select_related("participant__study").first()
     if user.is_active and user.is_staff and user.has_perm(SEES_SESSIONS):
         return row, drive, True
