@@ -10,6 +10,7 @@ from typing import Any
 
 from django.conf import settings
 from django.db import models
+from django.db.models import CASCADE, PROTECT, SET_NULL, ForeignKey, OneToOneField
 from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
 
@@ -91,8 +92,8 @@ class Study(UuidModel):
     published_at = models.DateTimeField(_("published"), null=True, blank=True)
     closed_at = models.DateTimeField(_("closed"), null=True, blank=True)
     # decides which robots it can use: experiments/participation/robot_eligibility.py
-    published_by = models.ForeignKey(
-        USER, models.SET_NULL, null=True, blank=True, related_name="published_studies"
+    published_by = ForeignKey(
+        USER, SET_NULL, null=True, blank=True, related_name="published_studies"
     )
     unrehearsed_reason = models.TextField(_("reason for publishing without rehearsal"), blank=True)
     deviations = models.TextField(
@@ -161,7 +162,7 @@ class StudyMember(UuidModel):
         CODER = "coder", _("coder: codes replays, sees nothing else")
 
     slug = models.SlugField(_("study"), max_length=40, db_index=True)
-    user = models.ForeignKey(USER, models.CASCADE, related_name="studies", verbose_name=_("user"))
+    user = ForeignKey(USER, CASCADE, related_name="studies", verbose_name=_("user"))
     role = models.CharField(_("role"), max_length=12, choices=Role)
 
     class Meta:
@@ -182,9 +183,7 @@ class ResearcherInvitation(UuidModel):
     email = models.EmailField(_("e-mail address"))
     role = models.CharField(_("role"), max_length=12, choices=StudyMember.Role)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
-    invited_by = models.ForeignKey(
-        USER, models.CASCADE, related_name="+", verbose_name=_("invited by")
-    )
+    invited_by = ForeignKey(USER, CASCADE, related_name="+", verbose_name=_("invited by"))
     created_at = models.DateTimeField(_("created"))
     expires_at = models.DateTimeField(_("expires"))
     accepted_at = models.DateTimeField(_("accepted"), null=True, blank=True)
@@ -235,16 +234,9 @@ class Participant(UuidModel):
         FILLED = "filled", _("filled")
         REFILLED = "refilled", _("reassigned")
 
-    study = models.ForeignKey(
-        Study, models.PROTECT, related_name="participants", verbose_name=_("study")
-    )
-    user = models.ForeignKey(
-        USER,
-        models.SET_NULL,
-        null=True,
-        blank=True,
-        related_name="participations",
-        verbose_name=_("user"),
+    study = ForeignKey(Study, PROTECT, related_name="participants", verbose_name=_("study"))
+    user = ForeignKey(
+        USER, SET_NULL, null=True, blank=True, related_name="participations", verbose_name=_("user")
     )
     # "<study>:<user>", its own id without a user: unique without a partial index
     slot = models.CharField(max_length=80, unique=True, editable=False)
@@ -326,9 +318,9 @@ class Draw(UuidModel):
         FIRST = "first", _("first assignment")
         AGAIN = "again", _("assigned again, because nothing had been seen of the first")
 
-    study = models.ForeignKey(Study, models.PROTECT, related_name="draws", verbose_name=_("study"))
-    participant = models.ForeignKey(
-        Participant, models.CASCADE, related_name="draws", verbose_name=_("participant")
+    study = ForeignKey(Study, PROTECT, related_name="draws", verbose_name=_("study"))
+    participant = ForeignKey(
+        Participant, CASCADE, related_name="draws", verbose_name=_("participant")
     )
     kind = models.CharField(_("kind"), max_length=12, choices=ParticipantKind)
     number = models.PositiveIntegerField(_("number"))
@@ -359,8 +351,8 @@ class Draw(UuidModel):
 class ConsentReceipt(UuidModel):
     """The texts to which a participant agreed."""
 
-    participant = models.ForeignKey(
-        Participant, models.CASCADE, related_name="consents", verbose_name=_("participant")
+    participant = ForeignKey(
+        Participant, CASCADE, related_name="consents", verbose_name=_("participant")
     )
     step = models.CharField(_("step"), max_length=40)
     version = models.PositiveIntegerField(_("version"))
@@ -387,7 +379,7 @@ class PersonalLink(UuidModel):
     use it up.
     """
 
-    study = models.ForeignKey(Study, models.CASCADE, related_name="links", verbose_name=_("study"))
+    study = ForeignKey(Study, CASCADE, related_name="links", verbose_name=_("study"))
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
     label = models.CharField(_("label"), max_length=120, blank=True)
     access = models.CharField(_("access given"), max_length=12, default="invitation")
@@ -399,9 +391,9 @@ class PersonalLink(UuidModel):
     expires_at = models.DateTimeField(_("expires"), null=True, blank=True)
     revoked_at = models.DateTimeField(_("revoked"), null=True, blank=True)
     redeemed_at = models.DateTimeField(_("redeemed"), null=True, blank=True)
-    participant = models.ForeignKey(
+    participant = ForeignKey(
         Participant,
-        models.SET_NULL,
+        SET_NULL,
         null=True,
         blank=True,
         related_name="links",
@@ -436,9 +428,7 @@ class StudyKey(UuidModel):
     label = models.CharField(_("label"), max_length=60)
     token_sha256 = models.CharField(max_length=64, unique=True, editable=False)
     made_at = models.DateTimeField(_("created"))
-    made_by = models.ForeignKey(
-        USER, models.CASCADE, related_name="+", verbose_name=_("created by")
-    )
+    made_by = ForeignKey(USER, CASCADE, related_name="+", verbose_name=_("created by"))
     last_used_at = models.DateTimeField(_("last used"), null=True, editable=False)
 
     class Meta:
@@ -455,8 +445,8 @@ class Contact(UuidModel):
     is in the address that stops the e-mails.
     """
 
-    participant = models.OneToOneField(
-        Participant, models.CASCADE, related_name="contact", verbose_name=_("participant")
+    participant = OneToOneField(
+        Participant, CASCADE, related_name="contact", verbose_name=_("participant")
     )
     email = models.EmailField(_("e-mail address"))
     site = models.CharField(max_length=200, editable=False)  # address of the site in its e-mails
@@ -478,12 +468,10 @@ class Appointment(UuidModel):
     one time one fails.
     """
 
-    participant = models.ForeignKey(
-        Participant, models.CASCADE, related_name="appointments", verbose_name=_("participant")
+    participant = ForeignKey(
+        Participant, CASCADE, related_name="appointments", verbose_name=_("participant")
     )
-    robot = models.ForeignKey(
-        "robots.Robot", models.CASCADE, related_name="+", verbose_name=_("robot")
-    )
+    robot = ForeignKey("robots.Robot", CASCADE, related_name="+", verbose_name=_("robot"))
     visit = models.PositiveIntegerField(_("visit"))
     starts_at = models.DateTimeField(_("starts"), db_index=True)
     ends_at = models.DateTimeField(_("ends"))
@@ -502,8 +490,8 @@ class Appointment(UuidModel):
 class StepVisit(UuidModel):
     """A participant on a step, from seeing it first to going on; the funnel counts these."""
 
-    participant = models.ForeignKey(
-        Participant, models.CASCADE, related_name="step_visits", verbose_name=_("participant")
+    participant = ForeignKey(
+        Participant, CASCADE, related_name="step_visits", verbose_name=_("participant")
     )
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
@@ -526,11 +514,11 @@ class StepResponse(UuidModel):
     visit and round.
     """
 
-    response = models.OneToOneField(
-        "surveys.Response", models.CASCADE, related_name="asked_at", verbose_name=_("response")
+    response = OneToOneField(
+        "surveys.Response", CASCADE, related_name="asked_at", verbose_name=_("response")
     )
-    participant = models.ForeignKey(
-        Participant, models.CASCADE, related_name="responses", verbose_name=_("participant")
+    participant = ForeignKey(
+        Participant, CASCADE, related_name="responses", verbose_name=_("participant")
     )
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
@@ -557,12 +545,10 @@ class Drive(UuidModel):
     participant's page reported that it shows the robot's video.
     """
 
-    participant = models.ForeignKey(
-        Participant, models.CASCADE, related_name="drives", verbose_name=_("participant")
+    participant = ForeignKey(
+        Participant, CASCADE, related_name="drives", verbose_name=_("participant")
     )
-    session = models.OneToOneField(
-        Session, models.CASCADE, related_name="drive", verbose_name=_("session")
-    )
+    session = OneToOneField(Session, CASCADE, related_name="drive", verbose_name=_("session"))
     step = models.CharField(_("step"), max_length=40)
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
@@ -585,7 +571,7 @@ class Drive(UuidModel):
     ended_with = models.JSONField(_("end state"), default=dict, blank=True)
     settled_at = models.DateTimeField(_("finalised"), null=True, blank=True, db_index=True)
     excluded_reason = models.CharField(_("reason for exclusion"), max_length=300, blank=True)
-    excluded_by = models.ForeignKey(USER, models.SET_NULL, null=True, blank=True, related_name="+")
+    excluded_by = ForeignKey(USER, SET_NULL, null=True, blank=True, related_name="+")
     excluded_at = models.DateTimeField(_("excluded"), null=True, blank=True)
 
     class Meta:
@@ -600,7 +586,7 @@ class Drive(UuidModel):
 class TaskEvent(UuidModel):
     """An event of the task engine; rewritten from the stored record when that is closed."""
 
-    drive = models.ForeignKey(Drive, models.CASCADE, related_name="events", verbose_name=_("drive"))
+    drive = ForeignKey(Drive, CASCADE, related_name="events", verbose_name=_("drive"))
     number = models.PositiveIntegerField(_("number"))  # in order of time
     stamp = models.FloatField(_("timestamp"))
     type = models.CharField(_("type"), max_length=40, db_index=True)
@@ -628,9 +614,7 @@ class Rehearsal(UuidModel):
         FAILED = "failed", _("did not finish")
         DONE = "done", _("finished")
 
-    study = models.ForeignKey(
-        Study, models.CASCADE, related_name="rehearsals", verbose_name=_("study")
-    )
+    study = ForeignKey(Study, CASCADE, related_name="rehearsals", verbose_name=_("study"))
     sha256 = models.CharField(max_length=64)  # of the definition that was rehearsed
     status = models.CharField(
         _("status"), max_length=10, choices=Status.choices, default=Status.WAITING
@@ -642,8 +626,8 @@ class Rehearsal(UuidModel):
     host = models.CharField(_("computer"), max_length=100, blank=True)
     progress = models.JSONField(default=dict, blank=True, editable=False)  # play.py, Progress
     finished_at = models.DateTimeField(_("finished"), null=True, blank=True)
-    ended_by = models.ForeignKey(
-        USER, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("ended by")
+    ended_by = ForeignKey(
+        USER, SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("ended by")
     )
     reason = models.TextField(_("reason"), blank=True)  # why it failed
     passed = models.BooleanField(_("passed"), default=False)
@@ -663,9 +647,7 @@ class CodingSchemeVersion(UuidModel):
     definition or the first upload, a changed one the next.
     """
 
-    study = models.ForeignKey(
-        Study, models.CASCADE, related_name="coding_schemes", verbose_name=_("study")
-    )
+    study = ForeignKey(Study, CASCADE, related_name="coding_schemes", verbose_name=_("study"))
     version = models.PositiveIntegerField(_("version"))
     document = models.JSONField(_("definition"))
     created_at = models.DateTimeField(_("created"))
@@ -685,14 +667,12 @@ class Coding(UuidModel):
     study (C1, C2 …). A finished coding does not change.
     """
 
-    session = models.ForeignKey(
-        Session, models.CASCADE, related_name="codings", verbose_name=_("session")
+    session = ForeignKey(Session, CASCADE, related_name="codings", verbose_name=_("session"))
+    scheme = ForeignKey(
+        CodingSchemeVersion, CASCADE, related_name="codings", verbose_name=_("coding scheme")
     )
-    scheme = models.ForeignKey(
-        CodingSchemeVersion, models.CASCADE, related_name="codings", verbose_name=_("coding scheme")
-    )
-    coder = models.ForeignKey(
-        USER, models.SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("coder")
+    coder = ForeignKey(
+        USER, SET_NULL, null=True, blank=True, related_name="+", verbose_name=_("coder")
     )
     number = models.PositiveIntegerField(_("coder's number"))
     began_at = models.DateTimeField(_("started at"))
@@ -713,9 +693,7 @@ class CodingEdit(UuidModel):
     ids, so that a repeated request is stored once. Times are in s since the grant.
     """
 
-    coding = models.ForeignKey(
-        Coding, models.CASCADE, related_name="edits", verbose_name=_("coding")
-    )
+    coding = ForeignKey(Coding, CASCADE, related_name="edits", verbose_name=_("coding"))
     event = models.UUIDField(_("event"))
     version = models.PositiveIntegerField(_("version"))
     code = models.CharField(_("code"), max_length=40)
