@@ -2,6 +2,7 @@
 that others refer to.
 """
 
+from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import get_args
@@ -118,16 +119,8 @@ def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
 
 def write_claims(study: StudyDefinition, plan: Document) -> None:
     """Write the missing texts of hypotheses from their choices."""
-    named = {
-        key: text
-        for group in publishing.measures_here(study).values()
-        for key, text in group.items()
-    }
-    sentences = {
-        key: text
-        for group in claims(study, study.languages[0]).values()
-        for key, text in group.items()
-    }
+    named = ChainMap(*publishing.measures_here(study).values())
+    sentences = ChainMap(*claims(study, study.languages[0]).values())
     for one in plan.get("hypotheses", ()):
         claim = sentences.get(claim_of(one), "")
         analysis = next((it for it in study.analyses if it.key == one.get("analysis")), None)
@@ -152,9 +145,10 @@ def _claims(
     if one.is_model:
         for effect in one.effects:
             # an effect that depends on another factor has no direction
-            directed = (it for it in study.factors if not one.interacts(it.key))
-            factor = next((it for it in directed if it.key == effect), None)
-            sides = [spoken(level.title, language) for level in factor.levels] if factor else []
+            directed = [
+                it for it in study.factors if it.key == effect and not one.interacts(effect)
+            ]
+            sides = [spoken(level.title, language) for it in directed for level in it.levels]
             last = effect.replace(":", ".")
             yield from _directions(words.get(effect, effect), sides, f":{one.key}::{last}")
     elif not one.contrasts:
