@@ -26,11 +26,9 @@ class Decoded(Field):
         self._kind, self._decoder = kind, msgspec.json.Decoder(kind)
 
     def from_db_value(self, value: Any, expression: Any, connection: Any) -> Any:
-        return (
-            self._decoder.decode(value)
-            if isinstance(value, str | bytes)
-            else msgspec.convert(value, self._kind)
-        )
+        if isinstance(value, str | bytes):
+            return self._decoder.decode(value)
+        return msgspec.convert(value, self._kind)
 
 
 class StateReader(Generic[S]):
@@ -46,11 +44,8 @@ class StateReader(Generic[S]):
         States of an earlier run of the agent can be received late: sort by `boot` and `first_seq`
         for runs. Within a chunk, states are in order of seq without gaps.
         """
-        rows = (
-            _chunks(session)
-            .defer("states")
-            .annotate(decoded=ExpressionWrapper(F("states"), output_field=self._decoded))
-        )
+        decoded = ExpressionWrapper(F("states"), output_field=self._decoded)
+        rows = _chunks(session).defer("states").annotate(decoded=decoded)
         for row in iter_batches(rows, CHUNKS_AT_ONCE):
             yield StoredChunk(
                 row.boot, row.first_seq, row.received_at, row.clock_offset, row.decoded

@@ -139,17 +139,16 @@ class MemberForm(forms.Form):
         if user is not None and user.is_staff:
             return user
         self.invited = user.email if user is not None else text
+        words = gettext("User not found. Enter an e-mail address to invite this person.")
+        if user is not None:
+            words = gettext(
+                "This user has no access to the administration and no e-mail address for an "
+                "invitation. An administrator must grant access first."
+            )
         try:
             validate_email(self.invited)
         except forms.ValidationError as error:
-            raise forms.ValidationError(
-                gettext("User not found. Enter an e-mail address to invite this person.")
-                if user is None
-                else gettext(
-                    "This user has no access to the administration and no e-mail address for an "
-                    "invitation. An administrator must grant access first."
-                )
-            ) from error
+            raise forms.ValidationError(words) from error
         return None
 
 

@@ -113,11 +113,8 @@ def _home(situation: Situation, track: CourseTrack, shown: Cue | None) -> Cue:
     target = (track.dock.x, track.dock.y)
     if situation.lost:
         return Cue("lost", 0, target)
-    reach = (
-        NEAR_HOME * LEAVING
-        if shown is not None and shown.key in get_args(DockingKey)
-        else NEAR_HOME
-    )
+    is_docking = shown is not None and shown.key in get_args(DockingKey)
+    reach = NEAR_HOME * LEAVING if is_docking else NEAR_HOME
     if situation.home > reach:
         return Cue("return_home", 0, target)
     return Cue("dock_again" if situation.dock_contacts else "dock_now", 0, target)

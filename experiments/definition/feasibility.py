@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from experiments.definition import wizard as wizards
@@ -73,7 +73,7 @@ class Known:
     sites: Mapping[str, FloorPlan]
     robots: Mapping[str, RobotFacts]
     questionnaires: frozenset[tuple[str, int]]
-    interfaces: frozenset[str] = field(default_factory=lambda: frozenset({"standard"}))
+    interfaces: frozenset[str] = frozenset({"standard"})
 
 
 def obstacles(study: StudyDefinition, known: Known, unreachable: Unreachable) -> Iterator[Problem]:
