@@ -1,7 +1,6 @@
-"""Studies in the administration: to build, rehearse and publish, and the way to everything that
-came of them.
-"""
+"""Studies in the administration: building, rehearsing, publishing, and links to their results."""
 
+from collections.abc import Callable
 from typing import Any
 
 from django.contrib import admin, messages
@@ -21,8 +20,8 @@ from accounts import audit
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.forms import CopyForm, PublishForm, StudyForm
-from experiments.builder.recruitment_labels import ENDING_NAMES
-from experiments.builder.views import BuilderPages, doubted, sections, told
+from experiments.builder.labels import ENDING_NAMES
+from experiments.builder.views import BuilderPages, linked_doubts, linked_problems, sections
 from experiments.definition.schema import to_json
 from experiments.definition.shipped import shipped
 from experiments.models import Participant, ParticipantKind, Study, StudyMember
@@ -41,8 +40,20 @@ from robots.admin_pages.overview import register_section
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 
-WAY = "participants__kind"
+SETTINGS = ("entry", "exclusive")  # that published studies also change
 register_section("mail", mail_to_owner)
+
+
+def _count_of(kind: ParticipantKind, title: Any) -> Callable[[Any, Study], SafeString]:
+    """Return a column with the number of participants of a kind, linked to their list."""
+
+    @admin.display(description=title, ordering=f"n_{kind}")
+    def count(_admin: Any, row: Study) -> SafeString:
+        address = reverse("admin:experiments_participant_changelist")
+        query = f"?study={row.pk}&kind__exact={kind}"
+        return format_html('<a href="{}{}">{}</a>', address, query, getattr(row, f"n_{kind}", 0))
+
+    return count
 
 
 @admin.register(Study)
@@ -55,18 +66,10 @@ class StudyAdmin(
     WalkThroughPages,
     OfStudies,
 ):
-    """Studies by version. A published version stays as it is."""
-
     form = StudyForm
     list_display = (
-        "title",
-        "name_and_version",
-        "status",
-        "people",
-        "pilots",
-        "bots",
-        "last_activity",
-        "ways",
+        *("title", "name_and_version", "status", "people", "pilots", "bots"),
+        *("last_activity", "links"),
     )
     list_filter = ("status",)
     list_per_page = 50
@@ -74,184 +77,120 @@ class StudyAdmin(
     change_list_template = "admin/experiments/study/change_list.html"
     change_form_template = "admin/experiments/study/change_form.html"
 
-    # --- who may ----------------------------------------------------------------------------------
-
     def has_add_permission(self, request: HttpRequest) -> bool:
-        """Whoever may bring in studies, and owners of one, who make new versions of it."""
+        """Users with the permission, and owners of a study, who create new versions."""
         user: Any = request.user
         is_owner = StudyMember.objects.filter(user=user, role=StudyMember.Role.OWNER).exists()
         return bool(user.is_staff and (user.has_perm("experiments.add_study") or is_owner))
 
     def has_change_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """Owners change how people come in, and the definition of a draft."""
-        return (
-            self.has_module_permission(request)
-            if obj is None
-            else may(request.user, self.slug_of(obj), "owner")
-        )
+        """Owners change the entry and the definition of a draft."""
+        if obj is None:
+            return self.has_module_permission(request)
+        return may(request.user, self.slug_of(obj), "owner")
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """Only what nobody took part in can be deleted, and only by an owner, one at a time."""
-        return (
-            isinstance(obj, Study)
-            and may(request.user, obj.slug, "owner")
-            and publishing.may_delete(obj)
-        )
-
-    # --- columns ----------------------------------------------------------------------------------
+        """Owners delete drafts without participants, one at a time: no action in the list."""
+        is_owner = isinstance(obj, Study) and may(request.user, obj.slug, "owner")
+        return is_owner and publishing.may_delete(obj)
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Study]":
-        """Count participants by kind in the same query."""
         counts = {
-            kind.value: Count("participants", filter=Q(**{WAY: kind})) for kind in ParticipantKind
+            f"n_{kind}": Count("participants", filter=Q(participants__kind=kind))
+            for kind in ParticipantKind
         }
         rows: QuerySet[Study] = super().get_queryset(request)
-        return rows.annotate(
-            **{f"n_{kind}": count for kind, count in counts.items()},
-            active_at=Max("participants__seen_at"),
-        )
+        return rows.annotate(**counts, active_at=Max("participants__seen_at"))
 
     @admin.display(description=_("name"), ordering="slug")
     def name_and_version(self, row: Study) -> str:
-        """Return what it is called in addresses, and its version."""
         return f"{row.slug} {row.version}"
 
-    @admin.display(description=_("participants"), ordering="n_participant")
-    def people(self, row: Study) -> SafeString:
-        """Return how many take or took part, with a link."""
-        return self._counted(row, ParticipantKind.PARTICIPANT)
-
-    @admin.display(description=_("pilots"), ordering="n_pilot")
-    def pilots(self, row: Study) -> SafeString:
-        return self._counted(row, ParticipantKind.PILOT)
-
-    @admin.display(description=_("bots"), ordering="n_bot")
-    def bots(self, row: Study) -> SafeString:
-        return self._counted(row, ParticipantKind.BOT)
-
-    @staticmethod
-    def _counted(row: Study, kind: ParticipantKind) -> SafeString:
-        query = f"?study={row.pk}&kind__exact={kind}"
-        return format_html(
-            '<a href="{}{}">{}</a>',
-            reverse("admin:experiments_participant_changelist"),
-            query,
-            getattr(row, f"n_{kind}", 0),
-        )
+    people = _count_of(ParticipantKind.PARTICIPANT, _("participants"))
+    pilots = _count_of(ParticipantKind.PILOT, _("pilots"))
+    bots = _count_of(ParticipantKind.BOT, _("bots"))
 
     @admin.display(description=_("last activity"), ordering="active_at")
     def last_activity(self, row: Study) -> str:
         return shown_time(getattr(row, "active_at", None))
 
     @admin.display(description="")
-    def ways(self, row: Study) -> SafeString:
-        """Return the ways to its drives, to its live view and to its analysis."""
+    def links(self, row: Study) -> SafeString:
         drives = reverse("admin:experiments_drive_changelist") + f"?study={row.pk}"
         live = reverse("study_live", args=[row.slug])
         analysis = reverse("study_analysis", args=[row.pk])
-        ways = ((drives, _("Drives")), (live, _("Live")), (analysis, _("Analysis")))
-        return format_html_join(" · ", '<a href="{}">{}</a>', ways)
-
-    # --- one study --------------------------------------------------------------------------------
+        links = ((drives, _("Drives")), (live, _("Live")), (analysis, _("Analysis")))
+        return format_html_join(" · ", '<a href="{}">{}</a>', links)
 
     def get_fieldsets(
         self, request: HttpRequest, obj: Study | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
-        """A new one is a file or empty; a draft can be replaced by a file; what was published only
-        says how people come in.
-        """
+        """A new study starts empty or from a file; a draft can be replaced by a file."""
         if obj is None:
             return [
                 (_("Start an empty study"), {"fields": ("name", "called", "spoken")}),
                 (_("or import one from a file"), {"fields": ("file", "document")}),
             ]
-        settings = (_("How people join"), {"fields": ("entry", "exclusive")})
+        settings = (_("How people join"), {"fields": SETTINGS})
         if obj.status != Study.Status.DRAFT or not self.has_change_permission(request, obj):
             return [settings]
-        return [
-            settings,
-            (
-                _("Replace the definition with a file"),
-                {"fields": ("file", "document"), "classes": ("collapse",)},
-            ),
-        ]
+        file = {"fields": ("file", "document"), "classes": ("collapse",)}
+        return [settings, (_("Replace the definition with a file"), file)]
 
     def get_form(
         self, request: HttpRequest, obj: Study | None = None, change: bool = False, **kwargs: Any
     ) -> Any:
-        """Let the form know who sends it."""
         form = super().get_form(request, obj, change=change, **kwargs)
         return type("StudyFormOf", (form,), {"user": request.user})
 
     def save_model(self, request: HttpRequest, obj: Study, form: ModelForm, change: bool) -> None:
-        """Keep the settings; the form has stored the definition."""
+        """Save the settings; the form has stored the definition."""
         if form.stored is not None:
-            named = {name: getattr(obj, name) for name in ("entry", "exclusive")} if change else {}
+            kept = {name: getattr(obj, name) for name in SETTINGS} if change else {}
             for field in Study._meta.concrete_fields:
-                setattr(
-                    obj, field.attname, named.get(field.name, getattr(form.stored, field.attname))
-                )
+                value = kept.get(field.name, getattr(form.stored, field.attname))
+                setattr(obj, field.attname, value)
             obj._state.adding = False
             publishing.own(obj, request.user)
         if change:
-            Study.objects.filter(pk=obj.pk).update(
-                **{name: getattr(obj, name) for name in ("entry", "exclusive")}
-            )
-            audit.note(
-                "study_changed",
-                actor=request.user,
-                study=obj.slug,
-                detail=" ".join(form.changed_data),
-            )
+            rows = Study.objects.filter(pk=obj.pk)
+            rows.update(**{name: getattr(obj, name) for name in SETTINGS})
+            changed = " ".join(form.changed_data)
+            audit.note("study_changed", actor=request.user, study=obj.slug, detail=changed)
 
     def response_add(
         self, request: HttpRequest, obj: Study, _post_url_continue: str | None = None
     ) -> HttpResponse:
-        """Go on to build it."""
         messages.success(request, gettext("Study %(study)s created as a draft.") % {"study": obj})
         return HttpResponseRedirect(reverse("admin:experiments_study_change", args=[obj.pk]))
 
     def change_view(
-        self,
-        request: HttpRequest,
-        object_id: str,
-        form_url: str = "",
-        extra_context: dict[str, Any] | None = None,
+        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
     ) -> HttpResponse:
-        """Show everything about a study above its settings."""
         row = self.get_object(request, object_id)
         more = self._overview(request, row) if row is not None else {}
         return super().change_view(request, object_id, form_url, {**(extra_context or {}), **more})
 
     def _overview(self, request: HttpRequest, row: Study) -> dict[str, Any]:
-        by_status = dict(
-            Participant.objects.filter(study=row, kind=ParticipantKind.PARTICIPANT)
-            .order_by()
-            .values_list("status")
-            .annotate(n=Count("pk"))
-        )
+        people = Participant.objects.filter(study=row, kind=ParticipantKind.PARTICIPANT).order_by()
+        by_status = dict(people.values_list("status").annotate(n=Count("pk")))
+        codes, statuses = completion.codes(row).items(), Participant.Status.choices
         return {
             "study": row,
             "study_tab": "overview",
-            "problems": told(row),
-            "doubts": doubted(row) if row.status == Study.Status.DRAFT else [],
+            "problems": linked_problems(row),
+            "doubts": linked_doubts(row) if row.status == Study.Status.DRAFT else [],
             "is_owner": may(request.user, row.slug, "owner"),
             "may_research": may(request.user, row.slug, "researcher"),
             "sections": sections(row),
-            "codes": [
-                (ENDING_NAMES[ending], code) for ending, code in completion.codes(row).items()
-            ],
+            "codes": [(ENDING_NAMES[ending], code) for ending, code in codes],
             "share": request.build_absolute_uri(reverse("study", args=[row.slug])),
             "rehearsal": publishing.passed_rehearsal(row),
             "offer": offer_of(row),
-            "statuses": [
-                (words, by_status.get(value, 0)) for value, words in Participant.Status.choices
-            ],
+            "statuses": [(words, by_status.get(value, 0)) for value, words in statuses],
             "hours": opening_hours.summary(row.opening_hours, row.time_zone),
             "title": gettext("Study"),
         }
-
-    # --- what is done with it ---------------------------------------------------------------------
 
     def get_urls(self) -> list[URLPattern]:
         shipped = self.admin_site.admin_view(require_POST(self.take_shipped))
@@ -275,19 +214,15 @@ class StudyAdmin(
     def changelist_view(
         self, request: HttpRequest, extra_context: dict[str, Any] | None = None
     ) -> HttpResponse:
-        """Offer the shipped studies that are not here yet, a button each."""
         user: Any = request.user
         known = set(Study.objects.values_list("slug", flat=True))
-        offered = [
-            (slug, one.title.get("en", slug))
-            for slug, one in shipped().items()
-            if slug not in known
-        ]
+        new = {slug: one.title.get("en", slug) for slug, one in shipped().items()}
+        offered = [(slug, title) for slug, title in new.items() if slug not in known]
         more = {"shipped": offered if user.has_perm("experiments.add_study") else []}
         return super().changelist_view(request, {**(extra_context or {}), **more})
 
     def take_shipped(self, request: HttpRequest) -> HttpResponse:
-        """Put a study that comes with the site into the database as a draft of whoever asks."""
+        """Store a study that comes with the site as a draft of the user."""
         user: Any = request.user
         definition = shipped().get(request.POST.get("study", ""))
         if definition is None or not user.has_perm("experiments.add_study"):
@@ -302,7 +237,6 @@ class StudyAdmin(
         return redirect("admin:experiments_study_change", row.pk)
 
     def export(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Return the definition as a file that import takes, once nothing is wrong with it."""
         row = study_for(request, pk, "viewer")
         headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
         return HttpResponse(
@@ -310,18 +244,13 @@ class StudyAdmin(
         )
 
     def new_version(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Make a draft copy, and go to it."""
         copy = publishing.new_version(study_for(request, pk, "owner"), timezone.now())
         self.log_addition(request, copy, "New version.")
-        messages.success(
-            request,
-            gettext("Version %(n)d is a draft. Edit it, rehearse it, then publish it.")
-            % {"n": copy.version},
-        )
+        words = gettext("Version %(n)d is a draft. Edit it, rehearse it, then publish it.")
+        messages.success(request, words % {"n": copy.version})
         return redirect("admin:experiments_study_change", copy.pk)
 
     def copy_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask what a copy is called, make it, and go to it."""
         row = study_for(request, pk, "owner")
         form = CopyForm(request.POST or None, initial={"title": row.shown_title})
         if request.method == "POST" and form.is_valid():
@@ -338,7 +267,6 @@ class StudyAdmin(
         return self.study_page(request, row, "copy", title, {"form": form}, tab="overview")
 
     def publish_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Say what stands in the way, ask for a reason where there is no rehearsal, and publish."""
         row = study_for(request, pk, "owner")
         form, reasons = PublishForm(request.POST if request.method == "POST" else None), []
         if request.method == "POST" and form.is_valid():
@@ -347,19 +275,17 @@ class StudyAdmin(
             try:
                 publishing.publish(row, request.user, reason, now, is_confirmed=is_confirmed)
             except publishing.NotPublishableError as error:
-                known = publishing.problems_of(row)  # these are on the page already
+                known = publishing.problems_of(row)  # already on the page
                 reasons = sentences(one for one in error.reasons if one not in known)
             else:
-                messages.success(
-                    request,
-                    gettext("Study published. Its definition can no longer be changed."),
-                )
+                words = gettext("Study published. Its definition can no longer be changed.")
+                messages.success(request, words)
                 return redirect("admin:experiments_study_change", row.pk)
         context = {
             "form": form,
             "reasons": reasons,
-            "problems": told(row),
-            "doubts": doubted(row),
+            "problems": linked_problems(row),
+            "doubts": linked_doubts(row),
             "is_owner": True,
             "rehearsal": publishing.passed_rehearsal(row),
             "offer": offer_of(row),
@@ -371,37 +297,32 @@ class StudyAdmin(
         )
 
     def close(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        return self._turn(request, study_for(request, pk, "owner"), opens=False)
-
-    def reopen(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        return self._turn(request, study_for(request, pk, "owner"), opens=True)
-
-    @staticmethod
-    def _turn(request: HttpRequest, row: Study, *, opens: bool) -> HttpResponse:
+        row = study_for(request, pk, "owner")
         try:
-            if opens:
-                publishing.reopen(row)
-            else:
-                publishing.close(row, timezone.now())
+            publishing.close(row, timezone.now())
         except publishing.NotPublishableError as error:
             messages.error(request, " ".join(sentences(error.reasons)))
         else:
-            publishing.log(row, request.user, "Opened again." if opens else "Closed.")
-            audit.note(
-                "study_opened" if opens else "study_closed",
-                actor=request.user,
-                study=row.slug,
-                detail=f"version {row.version}",
-            )
-            messages.success(
-                request,
-                (
-                    gettext("Study reopened: it accepts participants again.")
-                    if opens
-                    else gettext("Study closed: it accepts no new participants.")
-                ),
-            )
+            words = gettext("Study closed: it accepts no new participants.")
+            self._note(request, row, "study_closed", "Closed.", words)
         return redirect("admin:experiments_study_change", row.pk)
+
+    def reopen(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        row = study_for(request, pk, "owner")
+        try:
+            publishing.reopen(row)
+        except publishing.NotPublishableError as error:
+            messages.error(request, " ".join(sentences(error.reasons)))
+        else:
+            words = gettext("Study reopened: it accepts participants again.")
+            self._note(request, row, "study_opened", "Opened again.", words)
+        return redirect("admin:experiments_study_change", row.pk)
+
+    @staticmethod
+    def _note(request: HttpRequest, row: Study, event: str, entry: str, words: str) -> None:
+        publishing.log(row, request.user, entry)
+        audit.note(event, actor=request.user, study=row.slug, detail=f"version {row.version}")
+        messages.success(request, words)
 
 
 # all that is registered here

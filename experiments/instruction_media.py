@@ -1,6 +1,4 @@
-"""Pictures and videos of researchers in instructions: stored under a name made from their content,
-"own-<hash>-png".
-"""
+"""Uploaded pictures and videos of instructions, named by their content: "own-<hash>-png"."""
 
 import datetime
 import hashlib
@@ -19,7 +17,7 @@ from experiments.models import InstructionMedia
 
 MB = 1024 * 1024
 MOST_PICTURE, MOST_VIDEO = 2 * MB, 8 * MB  # bytes
-# By the end of the name: type, and where its first bytes have which signature.
+# By the end of the name: media type, and offset and bytes of the signature.
 KINDS: dict[str, tuple[str, int, bytes]] = {
     "png": ("image/png", 0, b"\x89PNG\r\n\x1a\n"),
     "jpg": ("image/jpeg", 0, b"\xff\xd8\xff"),
@@ -33,11 +31,10 @@ YEAR = 365 * 24 * 3600
 
 
 class RefusedMediaError(ValueError):
-    """A file that is no picture or video for instructions, with a sentence that says why."""
+    """A file that cannot be used in instructions; the message is for the page."""
 
 
 def is_video(name: str) -> bool:
-    """Tell whether a name of `store` is that of a video."""
     return name.endswith(("-mp4", "-webm"))
 
 
@@ -45,7 +42,7 @@ def store(slug: str, file: UploadedFile, now: datetime.datetime) -> str:
     """Store a file for the instructions of a study, and return its name.
 
     Raises:
-        RefusedMediaError: it is too large, or of no known type.
+        RefusedMediaError: it is too large, or of an unknown type.
     """
     size = file.size or 0
     head = file.read(16)
@@ -64,7 +61,7 @@ def store(slug: str, file: UploadedFile, now: datetime.datetime) -> str:
 
 
 def titles(slug: str, used: Iterable[str]) -> dict[str, str]:
-    """Return the names and file names of what a study has, or uses though another one has it."""
+    """Return file names by name: of a study's own media, and of `used` media of other studies."""
     rows = InstructionMedia.objects.filter(slug=slug) | InstructionMedia.objects.filter(
         name__in=[name for name in used if name.startswith(OWN_MEDIA)]
     )

@@ -26,35 +26,30 @@ RUNNER = Runner()
 
 
 def connect() -> None:
-    """Register for the life of this process; a second time changes nothing."""
+    """Register for the life of this process; a second call changes nothing."""
     terms.register(STUDY_TERMS)
     operators.register(STUDY_OPERATORS)
     register_outer_progress(outer_progress)
     register_guest_list(invited_to)
     register_guest_rule(User.Kind.PARTICIPANT, claimed)
-    pre_delete.connect(
-        withdraw_everywhere, sender=User, weak=False, dispatch_uid="experiments.withdraw_everywhere"
-    )
-    post_delete.connect(
-        forget_members, sender=Study, weak=False, dispatch_uid="experiments.forget_members"
-    )
-    for signal in (post_save, post_delete):
-        signal.connect(
-            _member_changed, sender=StudyMember, dispatch_uid="experiments.member_changed"
-        )
-    for signal, receiver in (
-        (signals.state_received, RUNNER.on_state),
-        (signals.state_recovered, RUNNER.on_state),
-        (signals.message_received, RUNNER.on_message),
-        (signals.ticked, RUNNER.tick),
-        (signals.ticked, clear_settled),
-        (signals.session_ended, RUNNER.on_end),
-        (signals.queue_paused, publish_pause),
-        (signals.not_ready, publish_not_ready),
+    for signal, receiver, sender in (
+        (pre_delete, withdraw_everywhere, User),
+        (post_delete, forget_members, Study),
+        (post_save, _member_changed, StudyMember),
+        (post_delete, _member_changed, StudyMember),
+        (signals.state_received, RUNNER.on_state, None),
+        (signals.state_recovered, RUNNER.on_state, None),
+        (signals.message_received, RUNNER.on_message, None),
+        (signals.ticked, RUNNER.tick, None),
+        (signals.ticked, clear_settled, None),
+        (signals.session_ended, RUNNER.on_end, None),
+        (signals.queue_paused, publish_pause, None),
+        (signals.not_ready, publish_not_ready, None),
     ):
-        signal.connect(receiver, weak=False, dispatch_uid=f"experiments.{receiver.__qualname__}")
+        uid = f"experiments.{receiver.__qualname__}"
+        signal.connect(receiver, sender, weak=False, dispatch_uid=uid)
 
 
 def _member_changed(instance: StudyMember, **_more: Any) -> None:
-    """Have the open pages of a member whose role in a study changed check if they may stay."""
+    """Make the open pages of a member with a changed role check their access."""
     check_pages(visitor_group(instance.user_id))

@@ -1,4 +1,4 @@
-"""Which software a record was made with."""
+"""The versions of software that a record was made with."""
 
 import subprocess
 import tomllib
@@ -11,8 +11,8 @@ from django.conf import settings
 
 @cache
 def software_version() -> str:
-    """Return the version of the server's software, with the commit where it runs from a clone
-    ("0.1.0+3f2a…"); empty where its project file is missing.
+    """Return the version of the server, in a clone with the commit ("0.1.0+3f2a…"); empty without a
+    project file.
     """
     path = settings.BASE_DIR / "pyproject.toml"
     if not path.is_file():
@@ -27,11 +27,8 @@ def software_version() -> str:
 
 
 def versions_of(sheet: Mapping[str, Any], sha256: str) -> dict[str, str]:
-    """Return the versions with which a drive begins.
-
-    Args:
-        sheet: what the robot says of itself (robots.api.messages.Factsheet).
-        sha256: of the study's definition.
+    """Return the versions at the start of a drive, by the robot's robots.api.messages.Factsheet and
+    the digest of the study's definition.
     """
     found = {
         "server": software_version(),

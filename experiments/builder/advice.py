@@ -1,6 +1,4 @@
-"""What a page of the study builder advises: it stands above the form, and keeps nobody from
-publishing.
-"""
+"""Advice above the form of a page of the study builder; it does not prevent publishing."""
 
 import re
 from collections.abc import Iterator
@@ -19,7 +17,7 @@ ASKS_AGE = re.compile(
     r"\b(age|how old|(year|date) of birth|edad|cuántos años|(año|fecha) de nacimiento)\b",
     re.IGNORECASE,
 )
-Advice = tuple[str, BuilderPlace]  # a sentence, and the page on which else it can be followed
+Advice = tuple[str, BuilderPlace]  # a sentence, and another page where it can be followed
 
 
 def advice(study: StudyDefinition, place: BuilderPlace, language: str) -> Iterator[Advice]:
@@ -34,9 +32,7 @@ def advice(study: StudyDefinition, place: BuilderPlace, language: str) -> Iterat
 
 
 def _on_age(study: StudyDefinition, index: int, language: str) -> Iterator[Advice]:
-    """The consent asks for the age where it needs it, so that a question on it would be the
-    second.
-    """
+    """The consent page asks the age for its minimum age; a question on the age would repeat it."""
     consent, steps = study.consent, list(study.steps)
     if consent is None or not consent.minimum_age:
         return

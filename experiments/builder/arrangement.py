@@ -1,11 +1,9 @@
-"""What follows from the design of a study: its conditions are the cells of its factors, with what
-their levels set, and what participants do once for each condition is repeated. Pure.
-
-The study builder applies it whenever it saves a study. What researchers wrote themselves is kept:
-names and titles of conditions, and every setting that no level sets.
+"""What follows from the design of a study, whenever the builder saves it: the conditions are the
+cells of the factors, and steps for each condition are repeated. Names, titles and settings that
+researchers entered are kept. Pure.
 """
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import product, takewhile
 from typing import Any
@@ -20,14 +18,14 @@ from experiments.definition.step import AskingStep
 from experiments.definition.steps.task import TaskStep
 from surveys.documents import spoken
 
-MOST_LETTERS = 40  # of a short name
+MOST_LETTERS = 40  # of a key
 Document = dict[str, Any]
 DesignCell = tuple[tuple[Factor, Level], ...]
 
 
 @dataclass(frozen=True)
 class Renamed:
-    """New short names by the former ones; those of levels by the former name of their factor."""
+    """New keys by the former ones; those of levels by the former key of their factor."""
 
     factors: Mapping[str, str] = field(default_factory=dict)
     levels: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
@@ -40,41 +38,37 @@ class Renamed:
         match key:
             case "effect":
                 return ":".join(self.factors.get(name, name) for name in value.split(":"))
-            case "condition":
-                return self.conditions.get(value, value)
-            case "analysis":
-                return self.analyses.get(value, value)
             case "effects":
                 return [self.of("effect", one) for one in value]
-            case "first" | "second" | "conditions":
-                return [self.conditions.get(one, one) for one in value]
-            case "hypotheses":
-                return [self.hypotheses.get(one, one) for one in value]
-            case "levels":
+            case "levels" if isinstance(value, dict):
                 return {
                     self.factors.get(factor, factor): self.levels.get(factor, {}).get(level, level)
                     for factor, level in value.items()
                 }
-        return value
+            case "condition" | "first" | "second" | "conditions":
+                new = self.conditions
+            case "analysis":
+                new = self.analyses
+            case "hypotheses":
+                new = self.hypotheses
+            case _:
+                return value
+        return [new.get(one, one) for one in value] if is_list(value) else new.get(value, value)
 
 
-def renamed(part: Any, names: Renamed) -> Any:
-    """Return a document in which each reference has its new name. The parts that have the names
-    keep theirs.
+def is_list(value: Any) -> bool:
+    return isinstance(value, list | tuple)
+
+
+def renamed(part: Any, names: Renamed, key: str = "") -> Any:
+    """Return a document (the field `key` of another) in which each reference has its new name. The
+    parts that have the names keep theirs.
     """
-    if isinstance(part, list | tuple):
+    if isinstance(part, dict) and key != "levels":
+        return {name: renamed(value, names, name) for name, value in part.items()}
+    if is_list(part) and not all(isinstance(one, str) for one in part):
         return [renamed(one, names) for one in part]
-    if not isinstance(part, dict):
-        return part
-    return {key: _renamed(key, value, names) for key, value in part.items()}
-
-
-def _renamed(key: str, value: Any, names: Renamed) -> Any:
-    is_level_of_condition = key == "levels" and isinstance(value, dict)
-    is_names = isinstance(value, list | tuple) and all(isinstance(one, str) for one in value)
-    if is_level_of_condition or is_names or isinstance(value, str):
-        return names.of(key, value)
-    return renamed(value, names)
+    return names.of(key, part)
 
 
 def arranged(study: StudyDefinition, former: StudyDefinition, blank: Condition) -> StudyDefinition:
@@ -82,7 +76,7 @@ def arranged(study: StudyDefinition, former: StudyDefinition, blank: Condition) 
 
     Args:
         study: as it was changed; references have their new names already.
-        former: before the change, from which it is known which names nobody wrote.
+        former: before the change; tells which names were generated.
         blank: the first condition of a study without any.
     """
     if study.factors:
@@ -96,7 +90,7 @@ def arranged(study: StudyDefinition, former: StudyDefinition, blank: Condition) 
 
 
 def _repeated(steps: Sequence[AnyStep]) -> Iterator[AnyStep]:
-    """Yield steps, of which the task and the questionnaires right after it are repeated."""
+    """Yield the steps, with the task and the questionnaires right after it repeated."""
     task = next(n for n, step in enumerate(steps) if isinstance(step, TaskStep))
     after = takewhile(lambda one: isinstance(one, AskingStep) and one.may_repeat, steps[task + 1 :])
     last = task + len(list(after))
@@ -114,31 +108,33 @@ def _with_cells(
     made: list[Condition] = []
     keys: dict[str, str] = {}
     for cell, own, is_new in _matched(study, cells, blank):
-        key, titles = _automatic(study, cell)
-        former_key, former_titles = written.get(own.key, ("", {}))
+        key, title = _automatic(study, cell)
+        former_key, former_titles = ("", {}) if is_new else written.get(own.key, ("", {}))
+        if not is_new:
+            title |= {
+                language: text
+                for language, text in own.title.items()
+                if language in title and text.strip() and text != former_titles.get(language)
+            }
         if is_new or own.key == former_key:
-            others = (one.key for one in study.conditions if is_new or one is not own)
-            key = _free(key, (*others, *(one.key for one in made)))
+            others = [one.key for one in study.conditions if is_new or one is not own]
+            key = free_key(key, (*others, *(one.key for one in made)))
         else:
             key = own.key
         if not is_new:
             keys[own.key] = key
-        kept = {} if is_new else _written(own.title, former_titles)
-        title = {language: kept.get(language, text) for language, text in titles.items()}
         levels = {factor.key: level.key for factor, level in cell}
         made.append(with_levels(replace(own, key=key, title=title, levels=levels), cell))
     places = {cell_of(one, study.factors): n for n, one in enumerate(study.conditions)}
     made.sort(key=lambda one: places.get(cell_of(one, study.factors), len(places)))
-    names = Renamed(conditions={old: new for old, new in keys.items() if old != new})
-    document = renamed(msgspec.to_builtins(replace(study, conditions=tuple(made))), names)
-    found: StudyDefinition = msgspec.convert(document, StudyDefinition)
-    return found
+    document = msgspec.to_builtins(replace(study, conditions=tuple(made)))
+    return msgspec.convert(renamed(document, Renamed(conditions=keys)), StudyDefinition)
 
 
 def _matched(
     study: StudyDefinition, cells: Iterable[DesignCell], blank: Condition
 ) -> Iterator[tuple[DesignCell, Condition, bool]]:
-    """Yield each cell with its condition, and whether that is new: a copy of one that has the same
+    """Yield each cell with its condition, and whether that is new: a copy of one with the same
     levels of the other factors, or of the first.
     """
     left = list(study.conditions)
@@ -162,7 +158,7 @@ def _matched(
 def _automatic(
     study: StudyDefinition, cell: Sequence[tuple[Factor, Level]]
 ) -> tuple[str, dict[str, str]]:
-    """Return the short name and the titles of a cell that nobody named."""
+    """Return the generated key and titles of a cell."""
     key = "_".join(level.key for _factor, level in cell)[:MOST_LETTERS].rstrip("_")
     titles = {
         language: ", ".join(filter(None, (spoken(level.title, language) for _one, level in cell)))
@@ -171,16 +167,7 @@ def _automatic(
     return key, titles
 
 
-def _written(title: Mapping[str, str], automatic: Mapping[str, str]) -> dict[str, str]:
-    return {
-        language: text
-        for language, text in title.items()
-        if text.strip() and text != automatic.get(language)
-    }
-
-
-def _free(key: str, taken: Iterable[str]) -> str:
-    known, n, free = set(taken), 2, key
-    while free in known:
-        free, n = f"{key[: MOST_LETTERS - 4]}_{n}", n + 1
-    return free
+def free_key(key: str, taken: Collection[str]) -> str:
+    """Return a key that is not taken: this one, or with the first free number after it."""
+    numbered = (f"{key[: MOST_LETTERS - 4]}_{n}" for n in range(2, len(taken) + 3))
+    return key if key not in taken else next(name for name in numbered if name not in taken)

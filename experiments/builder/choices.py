@@ -2,6 +2,7 @@
 that others refer to.
 """
 
+from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import get_args
@@ -31,24 +32,22 @@ from surveys.document_forms.parts import Document
 from surveys.documents import spoken
 from surveys.models import Questionnaire
 
-DIRECTED = 2  # sides that a directed hypothesis has
-# Outcomes after which a place may be given away: not those of the task itself.
+DIRECTED = 2  # sides of a directed hypothesis
+# Outcomes after which a participant may be replaced.
 REFILLED = [one for one in get_args(Outcome) if one not in {"completed", "timed_out"}]
 _MEASURING = {"analyses", "plan"}  # sections whose forms name measures
 
 
 def at_hand() -> AtHand:
-    """Return the sites, and the series of robots that were heard of, or have a station there."""
+    """Return the sites, and the series of robots that published a factsheet or have a station."""
     sites = publishing.sites()
-    stations = {dock.type: None for plan in sites.values() for dock in plan.docks}
-    return AtHand(
-        sites=sites, robots=tuple({**dict.fromkeys(publishing.known_here().robots), **stations})
-    )
+    stations = (dock.type for plan in sites.values() for dock in plan.docks)
+    return AtHand(sites, tuple(dict.fromkeys((*publishing.robots_here(), *stations))))
 
 
 def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
-    """Return what can be chosen in a form of a section, by key of the field; doors, stations and
-    mirrors are those of the part's own site, or of all sites of the study.
+    """Return the choices of a form of a section, by key of the field. Doors, stations and mirrors
+    are those of the part's site, or of all sites of the study.
     """
     here, study = at_hand(), row.as_definition()
     language = get_language() or ""
@@ -57,7 +56,8 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
     doors = tuple(dict.fromkeys(door.name for plan in plans for door in plan.doors))
     docks = [dock.name for plan in plans for dock in plan.docks if dock.type == part.get("robot")]
     conditions = {one.key: spoken(one.title, language) or one.key for one in study.conditions}
-    measures = _measures(study) if section in _MEASURING else {}
+    measures = publishing.measures_here(study) if section in _MEASURING else {}
+    pictures = [page.get("picture") or "" for page in part.get("leaves", ())]
     return {
         "languages": tuple(code for code, _label in settings.LANGUAGES),
         "robot": here.robots,
@@ -72,7 +72,10 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
         **dict.fromkeys(("condition", "first", "second", "conditions"), conditions),
         "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
         "outcomes": {key: CHOICES["outcomes"][key] for key in REFILLED},
-        "pictures": _pictures(row, part),
+        "pictures": {
+            **{name: name for name in sorted(PICTURES)},
+            **instruction_media.titles(row.slug, pictures),
+        },
         "shared": shared_fields(whole),
         "effects": effects(study, language),
         "claims": claims(study, language),
@@ -82,48 +85,31 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
     }
 
 
-def _pictures(row: Row, part: Document) -> dict[str, str]:
-    """Return the pictures for instructions: those that come with the site, and own ones."""
-    used = [page.get("picture") or "" for page in part.get("leaves", ())]
-    built_in = {name: name for name in sorted(PICTURES)}
-    return built_in | instruction_media.titles(row.slug, used)
-
-
 def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
-    """Return what a model can adjust for: the age, and items of questionnaires about the person."""
-    asked = {
-        (one.slug, one.version): one
-        for one in publishing.usable()
-        if any(one.slug == step.questionnaire for step in study.asking if step.is_about_person)
-    }
+    """Return the covariates of models: the age, and items of questionnaires about the person."""
+    about_person = {step.questionnaire for step in study.asking if step.is_about_person}
     named = {
-        f"{slug}.{item.key}": spoken(item.text, language)
-        for (slug, _version), one in asked.items()
+        f"{one.slug}.{item.key}": spoken(item.text, language)
+        for one in publishing.usable()
+        if one.slug in about_person
         for item in one.questions()
         if not item.item.is_free_text
     }
     return {AGE: _("Age"), **named}
 
 
-def _measures(study: StudyDefinition) -> dict[str, dict[str, str]]:
-    found = publishing.measures_here(study)
-    return {group or _("Metrics of a drive"): names for group, names in found.items()}
-
-
 def effects(study: StudyDefinition, language: str) -> dict[str, str]:
-    """Return what a mixed model of a study can have as effects, with what each is called."""
+    """Return the effects of models of a study with their titles."""
     titles = {one.key: spoken(one.title, language) or one.key for one in study.factors}
-    crossed = (
-        several for count in range(1, len(titles) + 1) for several in combinations(titles, count)
-    )
+    crossed = (keys for n in range(1, len(titles) + 1) for keys in combinations(titles, n))
     named = {":".join(keys): " × ".join(titles[key] for key in keys) for keys in crossed}
     own = {"condition": _("Condition"), "period": _("Round"), "order": _("Order of conditions")}
     return named | own
 
 
 def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
-    """Return what hypotheses of a study may expect, by the analysis that tests it: for each effect
-    or contrast a sentence a direction.
+    """Return what hypotheses can expect, by analysis: a sentence for each direction of an effect or
+    a contrast.
     """
     return {
         spoken(one.title, language) or one.key: dict(_claims(study, one, language))
@@ -132,13 +118,9 @@ def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
 
 
 def write_claims(study: StudyDefinition, plan: Document) -> None:
-    """Write the text of each hypothesis that has none, from what was chosen for it."""
-    named = {key: text for group in _measures(study).values() for key, text in group.items()}
-    sentences = {
-        key: text
-        for group in claims(study, study.languages[0]).values()
-        for key, text in group.items()
-    }
+    """Write the missing texts of hypotheses from their choices."""
+    named = ChainMap(*publishing.measures_here(study).values())
+    sentences = ChainMap(*claims(study, study.languages[0]).values())
     for one in plan.get("hypotheses", ()):
         claim = sentences.get(claim_of(one), "")
         analysis = next((it for it in study.analyses if it.key == one.get("analysis")), None)
@@ -148,7 +130,7 @@ def write_claims(study: StudyDefinition, plan: Document) -> None:
 
 
 def write_contrasts(study: StudyDefinition, analysis: Document) -> None:
-    """Write the titles that contrasts lack: the conditions of both sides."""
+    """Write the missing titles of contrasts: the conditions of both sides."""
     for one in analysis.get("contrasts", ()):
         for language in study.languages:
             sides = [_side(study, one.get(name, ()), language) for name in ("first", "second")]
@@ -162,10 +144,11 @@ def _claims(
     words = effects(study, language)
     if one.is_model:
         for effect in one.effects:
-            # what depends on another factor has no direction
-            directed = (it for it in study.factors if not one.interacts(it.key))
-            factor = next((it for it in directed if it.key == effect), None)
-            sides = [spoken(level.title, language) for level in factor.levels] if factor else []
+            # an effect that depends on another factor has no direction
+            directed = [
+                it for it in study.factors if it.key == effect and not one.interacts(effect)
+            ]
+            sides = [spoken(level.title, language) for it in directed for level in it.levels]
             last = effect.replace(":", ".")
             yield from _directions(words.get(effect, effect), sides, f":{one.key}::{last}")
     elif not one.contrasts:
@@ -194,7 +177,6 @@ def _directions(title: str, sides: Sequence[str], rest: str) -> Iterator[tuple[s
 
 
 def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
-    """Return those that can be asked, by name and with their versions, called by their titles."""
     versions, titles = {}, {}
     for one in publishing.usable():
         title = spoken(one.title, language_for(one, get_language() or ""))
@@ -208,30 +190,26 @@ def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
 
 
 def questionnaire_titles() -> dict[tuple[str, int], str]:
-    """Return what the questionnaires that are known here are called, by name and version."""
-    shipped = {(one.slug, one.version): one.title for one in questionnaires.shipped().values()}
+    """Return the titles of all questionnaires by name and version."""
+    titles = {key: one.title for key, one in publishing.shipped_questionnaires().items()}
     rows = Questionnaire.objects.values_list("slug", "version", "definition")
-    stored = {(slug, version): definition["title"] for slug, version, definition in rows}
-    language = get_language() or ""
+    titles |= {(slug, version): definition["title"] for slug, version, definition in rows}
     return {
-        (slug, version): questionnaires.listed_title(slug, spoken(title, language))
-        for (slug, version), title in (shipped | stored).items()
+        key: questionnaires.listed_title(key[0], spoken(title, get_language() or ""))
+        for key, title in titles.items()
     }
 
 
 def speeds_refused(part: Document) -> dict[str, str]:
-    """Return why speed limits of a condition cannot be kept, by their field in its form; what else
-    is wrong with it is told elsewhere.
-    """
+    """Return why speed limits of a condition are too high, by their field in its form."""
     try:
         condition = msgspec.convert(part, Condition)
     except msgspec.ValidationError:
         return {}
-    robot = publishing.known_here().robots.get(condition.robot)
-    told = too_fast(condition, robot) if robot is not None else {}
-    return {f"speed.{key}": capfirst(one.text(_)) for key, one in told.items()}
+    robot = publishing.robots_here().get(condition.robot)
+    found = too_fast(condition, robot) if robot is not None else {}
+    return {f"speed.{key}": capfirst(one.text(_)) for key, one in found.items()}
 
 
 def places(plans: Iterable[Plan]) -> tuple[str, ...]:
-    """Return the names of the places of sites."""
     return tuple(dict.fromkeys(place.name for plan in plans for place in plan.places))

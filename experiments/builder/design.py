@@ -1,6 +1,5 @@
-"""The page on which a study is designed: its factors, what each level sets, what all conditions
-share, and how participants are assigned. The conditions follow from it
-(experiments/builder/arrangement.py); a table shows them.
+"""The design page of a study: its factors, what each level sets, what all conditions share, and the
+assignment. The conditions follow from it (arrangement.py); a table shows them.
 """
 
 import math
@@ -11,10 +10,11 @@ from typing import Any
 
 import msgspec
 from django.conf import settings
+from django.utils.text import capfirst
 from django.utils.translation import get_language, ngettext, override
 from django.utils.translation import gettext as _
 
-from experiments.builder.arrangement import MOST_LETTERS, Renamed
+from experiments.builder.arrangement import MOST_LETTERS, Renamed, free_key
 from experiments.builder.labels import GUIDE
 from experiments.definition.design import Factor, Level
 from experiments.definition.factors import (
@@ -27,9 +27,9 @@ from experiments.definition.factors import (
 from experiments.definition.schema import Allocation, Condition, StudyDefinition
 from experiments.participation.assignment import cells
 from surveys.document_forms.parts import Document
-from surveys.documents import DocumentPart, spoken
+from surveys.documents import DocumentPart, spoken, text_in
 
-# Short names that nobody wrote: they follow the title.
+# Generated keys, which follow the title.
 _AUTOMATIC = re.compile(r"(factor|level)_\d+")
 _OWN_PAGE = frozenset({"key", "title", "levels", "access"})  # of a condition: never shared
 _SHORT = {"video_delay": "delay", "video_loss": "loss", "video_jitter": "jitter"}
@@ -38,7 +38,7 @@ NEW_LEVELS = 2
 
 
 class StudyDesign(DocumentPart, frozen=True, kw_only=True):
-    """What the page edits. `shared` has the settings that are the same in all conditions."""
+    """The document of the page; `shared` has the settings that are the same in all conditions."""
 
     factors: tuple[Factor, ...] = ()
     shared: Condition
@@ -46,23 +46,23 @@ class StudyDesign(DocumentPart, frozen=True, kw_only=True):
 
 
 def design_of(whole: Document) -> Document:
-    """Return the design of a study as the page edits it."""
-    first = next(iter(whole["conditions"]), {})
-    shared = {key: value for key, value in first.items() if key in shared_fields(whole)}
-    allocation = whole.get("allocation", {})
-    return {"factors": whole["factors"], "shared": shared, "allocation": allocation}
+    fields, first = shared_fields(whole), next(iter(whole["conditions"]), {})
+    return {
+        "factors": whole["factors"],
+        "shared": {key: value for key, value in first.items() if key in fields},
+        "allocation": whole.get("allocation", {}),
+    }
 
 
 def shared_fields(whole: Document) -> tuple[str, ...]:
-    """Return the fields that no factor changes and all conditions have in common."""
+    """Return the fields of conditions that no factor changes and in which all are the same."""
     conditions = whole["conditions"]
     changed = {
         SETTINGS[name][0] for factor in whole["factors"] for name in factor.get("changes", ())
     }
-    fields = (one.encode_name for one in msgspec.structs.fields(Condition))
     return tuple(
         field
-        for field in fields
+        for field in Condition.__struct_encode_fields__
         if conditions
         and field not in _OWN_PAGE | changed
         and all(one.get(field) == conditions[0].get(field) for one in conditions)
@@ -70,64 +70,69 @@ def shared_fields(whole: Document) -> tuple[str, ...]:
 
 
 def with_design(whole: Document, design: Document) -> Document:
-    """Return a study with a changed design; its conditions have the new shared settings."""
+    """Return a study with a changed design and the new shared settings in its conditions."""
     fields, shared = shared_fields(whole), design.get("shared", {})
-    conditions = [
+    own = {"factors": design.get("factors", []), "allocation": design.get("allocation", {})}
+    own["conditions"] = [
         {key: value for key, value in one.items() if key not in fields} | shared
         for one in whole["conditions"]
     ]
-    own = {"factors": design.get("factors", []), "allocation": design.get("allocation", {})}
-    return {**whole, **own, "conditions": conditions}
+    return whole | own
 
 
 def set_by_levels(study: StudyDefinition, key: str) -> dict[str, str]:
     """Return the fields of a condition that its levels set ("network.video.delay"), each with the
     title of the level.
     """
-    condition, language = study.condition(key), get_language() or ""
+    condition = study.condition(key)
     return {
-        ".".join(SETTINGS[name]): spoken(level.title, language) or level.key
+        ".".join(SETTINGS[name]): shown(level)
         for factor, level in (levels_of(study, condition) if condition is not None else ())
         for name in factor.changes
     }
 
 
+def shown(part: Condition | Factor | Level) -> str:
+    """Return the title of a part in the language of the page, or its key."""
+    return spoken(part.title, get_language() or "") or part.key
+
+
 def restore(part: Document, former: Document, fields: Iterable[str]) -> None:
-    """Give fields of a part their former values: browsers do not send what cannot be changed."""
+    """Give fields of a part their former values: browsers do not send disabled fields."""
     for field in fields:
-        *way, key = field.split(".")
+        *path, key = field.split(".")
         here, before = part, former
-        for step in way:
+        for step in path:
             here[step] = here.get(step) or {}
             here, before = here[step], before.get(step) or {}
         here.pop(key, None)
         here |= {key: before[key]} if key in before else {}
 
 
-# --- factors and levels that are new, or not named yet -------------------------------------------
-
-
 def new_factor(factors: list[Document], setting: str, languages: Iterable[str]) -> Document:
-    """Return a factor that changes a setting, or nothing on the robot, with two levels; it is
-    within participants if the one before it is.
+    """Return a factor with two levels that changes a setting, or with "" nothing on the robot. It
+    is within participants if the factor before it is.
     """
     taken = [one["key"] for one in factors]
-    title, design = {}, factors[-1].get("design") if factors else None
-    for language in languages if setting else ():
-        with override(language if language in dict(settings.LANGUAGES) else "en"):
-            text = _(SETTING_NAMES[setting])
-        title[language] = text[:1].upper() + text[1:]
-    return {
-        "key": free_key(_SHORT.get(setting, setting), taken) if setting else _next("factor", taken),
-        "title": title,
-        "levels": [{"key": f"level_{n + 1}", "title": {}} for n in range(NEW_LEVELS)],
-        **({"design": design} if design else {}),
-        **({"changes": [setting]} if setting else {}),
-    }
+    factor: Document = {"key": _next("factor", taken), "title": {}}
+    if setting:
+        title = {}
+        for language in languages:
+            with _translated(language):
+                title[language] = capfirst(_(SETTING_NAMES[setting]))
+        key = free_key(_SHORT.get(setting, setting), taken)
+        factor = {"key": key, "title": title, "changes": [setting]}
+    if factors and "design" in factors[-1]:
+        factor["design"] = factors[-1]["design"]
+    return factor | {"levels": [{"key": f"level_{n + 1}", "title": {}} for n in range(NEW_LEVELS)]}
+
+
+def _translated(language: str) -> override:
+    """Translate into a language of the site; into English for others."""
+    return override(language if language in dict(settings.LANGUAGES) else "en")
 
 
 def new_level(levels: list[Document]) -> Document:
-    """Return one more level, whose name follows the title that it will have."""
     return {"key": _next("level", [one["key"] for one in levels]), "title": {}}
 
 
@@ -136,8 +141,8 @@ def _next(word: str, taken: Collection[str]) -> str:
 
 
 def complete(design: Document, former: Document, languages: Collection[str]) -> None:
-    """Fill in what was left blank: values of new levels as the first condition has them, titles by
-    the values, and short names by the titles. Titles and names that nobody wrote follow a change.
+    """Fill in what was left blank: values of new levels from the first condition, titles from the
+    values, and keys from the titles. Generated titles and keys follow a change.
     """
     known = {factor["key"]: factor for factor in former["factors"]}
     for factor in design.get("factors", ()):
@@ -168,7 +173,7 @@ def _title(
     level: Document, changes: Iterable[str], before: Document, languages: Iterable[str]
 ) -> None:
     for language in languages:
-        with override(language if language in dict(settings.LANGUAGES) else "en"):
+        with _translated(language):
             text = values_text(changes, level["sets"])
             former = values_text(changes, before.get("sets", {}))
         if text and level.get("title", {}).get(language, "") in {"", former}:
@@ -178,7 +183,7 @@ def _title(
 def _name(
     parts: list[Document], known: Mapping[str, Document], word: str, languages: Collection[str]
 ) -> None:
-    """Name factors, or the levels of one (`word` is then its short name)."""
+    """Give keys to factors, or to the levels of one (`word` is then its key)."""
     for n, part in enumerate(parts):
         key, was = part.get("key", ""), part.get("was", "")
         former = known.get(was, {})
@@ -195,45 +200,31 @@ def _name(
 
 
 def _stem(part: Document, languages: Iterable[str], before: str) -> str:
-    """Return the short name that follows from what a level sets, or from a title."""
+    """Return the key that follows from what a level sets, or from a title: "300 ms" of a delay is
+    "delay_300_ms". Empty without either.
+    """
     values = [one for one in part.get("sets", {}).values() if isinstance(one, str)]
-    titles = [text for name in languages if (text := part.get("title", {}).get(name))]
-    return key_of(next(iter((*values, *titles)), ""), before)
-
-
-def key_of(text: str, before: str) -> str:
-    """Return a short name for a title: "300 ms" of a delay is "delay_300_ms"; empty for none."""
+    text = next(iter(values), "") or text_in(part.get("title", {}), languages)
     plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
     words = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
     name = words if not words or words[0].isalpha() else f"{before}_{words}"
     return name[:MOST_LETTERS].rstrip("_")
 
 
-def free_key(key: str, taken: Collection[str]) -> str:
-    """Return a short name that is not taken: this one, or with the first free number after it."""
-    numbered = (f"{key[: MOST_LETTERS - 4]}_{n}" for n in range(2, len(taken) + 3))
-    return key if key not in taken else next(name for name in numbered if name not in taken)
-
-
 def renaming(design: Document) -> Renamed:
-    """Return which factors and levels got new short names; takes the former ones off the design."""
+    """Return which factors and levels have new keys; removes the former keys from the design."""
     factors, levels = {}, {}
     for factor in design.get("factors", ()):
-        own = {
-            was: level["key"] for level in factor.get("levels", ()) if (was := level.pop("was", ""))
-        }
+        own = {level.pop("was", ""): level["key"] for level in factor.get("levels", ())}
         if was := factor.pop("was", ""):
             factors[was], levels[was] = factor["key"], own
     return Renamed(factors=factors, levels=levels)
 
 
-# --- in words -------------------------------------------------------------------------------------
-
-
 def values_text(changes: Iterable[str], sets: Mapping[str, Any]) -> str:
     """Return what a level sets: "300 ms"."""
-    texts = (setting_text(name, sets[name]) for name in changes if sets.get(name) is not None)
-    return ", ".join(texts)
+    known = (name for name in changes if sets.get(name) is not None)
+    return ", ".join(setting_text(name, sets[name]) for name in known)
 
 
 def setting_text(name: str, value: Any) -> str:
@@ -257,7 +248,7 @@ def setting_text(name: str, value: Any) -> str:
 
 
 def condition_facts(condition: Document, *, but: Collection[str] = ()) -> Iterator[str]:
-    """Yield what a condition sets that is not so by default, in words, without some settings."""
+    """Yield the settings of a condition, without defaults and the settings `but`, in words."""
     own = msgspec.convert(condition, Condition)
     usual = Condition(key="a", title={}, robot="", site="", controllers=())
     for name in SETTINGS:
@@ -267,26 +258,25 @@ def condition_facts(condition: Document, *, but: Collection[str] = ()) -> Iterat
 
 
 def design_table(study: StudyDefinition) -> dict[str, Any]:
-    """Return the conditions as a table with a column a factor, and how many there are of all."""
-    language = get_language() or ""
-    heads = [spoken(one.title, language) or one.key for one in study.factors]
+    """Return the conditions as a table with a column for each factor, and counts as `facts`."""
     changed = {name for factor in study.factors for name in factor.changes}
     rows = [
         {
             "n": n,
-            "title": spoken(one.title, language) or one.key,
+            "title": shown(one),
             "key": one.key,
             "levels": [_level_text(factor, level) for factor, level in levels_of(study, one)],
             "facts": list(condition_facts(msgspec.to_builtins(one), but=changed)),
         }
         for n, one in enumerate(study.conditions)
     ]
+    heads = [shown(factor) for factor in study.factors]
     return {"heads": heads, "rows": rows, "facts": list(_numbers(study))}
 
 
 def _level_text(factor: Factor, level: Level) -> str:
-    """Return the title of a level, with what it sets where the title does not say it."""
-    title = spoken(level.title, get_language() or "") or level.key
+    """Return the title of a level, with what it sets unless the title contains it."""
+    title = shown(level)
     values = values_text(factor.changes, msgspec.to_builtins(level.sets))
     return title if not values or values in title else f"{title} ({values})"
 

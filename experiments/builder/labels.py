@@ -1,6 +1,4 @@
-"""What the study builder calls things: a label and a hint for each field of a definition, and words
-for what may be chosen.
-"""
+"""The words of the study builder: labels and hints of fields, and what can be chosen."""
 
 from django.utils.functional import Promise
 from django.utils.text import capfirst
@@ -8,29 +6,30 @@ from django.utils.translation import gettext_lazy as _
 from django.utils.translation import gettext_lazy as translated
 from django.utils.translation import pgettext_lazy
 
-from experiments.builder import recruitment_labels
 from experiments.definition.coding import CodingScheme
 from experiments.definition.factors import SETTING_NAMES
 from experiments.definition.plan import Hypothesis
 from experiments.definition.schema import Condition, StudyCheckpoint
 from experiments.definition.step import AskingStep
 from experiments.definition.wizard import Wizard, WizardStep
+from experiments.recruitment.sites import PROFILES
 from surveys.document_forms.guide import FormGuide
 from surveys.editor.labels import CHOICES as SURVEY_CHOICES
+from surveys.editor.labels import LABELS as SURVEY_LABELS
 
 Words = str | Promise
-# What the buttons for new factors offer.
-FACTOR_KINDS = (
-    *("video_delay", "video_loss", "control_delay", "control_loss", "assist", "interface"),
-    *("controllers", "actions", "linear", "doors_closed", "robot", "site"),
-)
+# Settings without a button for a new factor.
+RARE_FACTORS = frozenset({"video_jitter", "control_jitter", "control_way", "angular"})
+ENDING_NAMES: dict[str, Words] = {
+    "done": _("completed"),
+    "timed_out": _("time ran out"),
+    "technical_failure": _("ended by a technical failure"),
+    "screened_out": _("turned away"),
+    "left": _("left without driving"),
+}
 
 LABELS: dict[str, Words] = {
-    "title": _("Title"),
-    "intro": _("Introduction"),
-    "source": _("Source"),
-    "licence": _("Licence"),
-    "languages": _("Languages"),
+    **{key: SURVEY_LABELS[key] for key in ("title", "intro", "source", "licence", "languages")},
     "key": _("Short name"),
     "repeat": _("Once for each condition"),
     "text": _("Text"),
@@ -190,6 +189,27 @@ LABELS: dict[str, Words] = {
     "modifiers": _("Modifiers"),
     "Modifier.name": _("Name"),
     "values": _("Values"),
+    "recruiting": _("Recruitment site"),
+    "Recruiting.site": _("Site"),
+    "id_parameter": _("Parameter with the participant's id"),
+    "return_address": _("Return address"),
+    "returning": _("Who returns there"),
+    "Recruiting.codes": _("Codes that the site gave you"),
+    **{f"EndingCodes.{name}": words for name, words in ENDING_NAMES.items()},
+    "devices": _("Allowed devices"),
+    "browsers": _("Allowed browsers"),
+    "screening": _("Required answers"),
+    "answer_quotas": _("Quotas by answer"),
+    "answers": _("Answers"),
+    "at_least": _("At least"),
+    "at_most": _("At most"),
+    "AnswerQuota.most": _("Maximum number of participants"),
+    "appointments": _("Appointments"),
+    "required": _("Only participants with an appointment drive"),
+    "Appointments.minutes": _("Length (minutes)"),
+    "days_ahead": _("Bookable days ahead"),
+    "reminder_hours": _("Reminder before it (hours)"),
+    "second_after_days": _("Invite to a second session after (days)"),
 }
 
 HINTS: dict[str, Words] = {
@@ -370,18 +390,42 @@ HINTS: dict[str, Words] = {
     "Code.key": _("One character. The player already uses k, + and −."),
     "group": _("State events of one group end each other."),
     "values": _("Separated by commas."),
+    "recruiting": _(
+        "Without a site, the ids of Prolific, Mechanical Turk, Sona and CloudResearch are "
+        "recognized, and participants from Prolific and Mechanical Turk return by a button."
+    ),
+    "id_parameter": _("Leave blank for that of the site, such as PROLIFIC_PID."),
+    "return_address": _(
+        "Where participants go at the end. {code}, {id} and {session} are filled in. Leave blank "
+        "for that of Prolific or Mechanical Turk; Sona, CloudResearch and other sites show you one."
+    ),
+    "returning": _(
+        "If you tick none, everyone who gets a code; on Sona and CloudResearch, only those who are "
+        "usually paid."
+    ),
+    "Recruiting.codes": _(
+        "Leave blank for codes that this site makes. They stay the same in all versions."
+    ),
+    "devices": _("If you tick none, all are allowed. Checked before anything is recorded."),
+    "browsers": _("If you tick none, all are allowed."),
+    "screening": _(
+        "Participants who answer otherwise are turned away as soon as they have finished the "
+        "questionnaire."
+    ),
+    "answer_quotas": _("Participants beyond a quota are turned away. Those who leave make room."),
+    "answers": _("As in the data, separated by commas: values, not labels."),
+    "appointments": _(
+        "Participants choose a time within the study's opening hours; one at a time on each robot. "
+        "Reminders need an e-mail server and the command send_reminders."
+    ),
+    "second_after_days": _("Only participants who gave an address. Leave blank for none."),
 }
 
-# By the field, then by value.
 CHOICES: dict[str, dict[str, Words]] = {
     "balancing": {"strata": _("strata"), "minimization": _("minimization")},
     "minors": {"refused": _("cannot take part"), "guardian": _("need a guardian's consent")},
     "access": {"open": _("anyone with the link"), "invitation": _("invited participants")},
-    "control_way": {
-        "any": _("any"),
-        "datachannel": _("WebRTC only"),
-        "mqtt": _("server only"),
-    },
+    "control_way": {"any": _("any"), "datachannel": _("WebRTC only"), "mqtt": _("server only")},
     "controllers": {
         "keyboard": _("keyboard"),
         "mouse": _("mouse"),
@@ -449,6 +493,17 @@ CHOICES: dict[str, dict[str, Words]] = {
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "interval": {"normal": _("normal distribution"), "t": _("Student's t")},
     "outcomes": SURVEY_CHOICES["outcome"],
+    "Recruiting.site": {
+        "any": _("any"),
+        **{name: profile.title for name, profile in PROFILES.items()},
+        "other": _("another one"),
+    },
+    "returning": ENDING_NAMES,
+    "devices": {
+        "computer": pgettext_lazy("a device", "computer"),
+        "tablet": pgettext_lazy("a device", "tablet"),
+        "phone": pgettext_lazy("a device", "phone"),
+    },
 }
 
 ITEMS: dict[str, Words] = {
@@ -468,19 +523,20 @@ ITEMS: dict[str, Words] = {
     "stages": _("Stage"),
     "codes": _("Code"),
     "modifiers": _("Modifier"),
+    "screening": _("Required answer"),
+    "answer_quotas": _("Quota"),
 }
 GUIDE = FormGuide(
-    {**LABELS, **recruitment_labels.LABELS},
-    {**HINTS, **recruitment_labels.HINTS},
-    {**ITEMS, **recruitment_labels.ITEMS},
-    {**CHOICES, **recruitment_labels.CHOICES},
-    # Parts of a list that are added as one of several kinds, by the list.
+    LABELS,
+    HINTS,
+    ITEMS,
+    CHOICES,
     kinds={
         "WizardStage.steps": {"": _("Line")} | CHOICES["move"],
         "StudyDesign.factors": {
-            **{name: CHOICES["changes"][name] for name in FACTOR_KINDS},
-            "": _("Something else"),
-        },
+            name: words for name, words in CHOICES["changes"].items() if name not in RARE_FACTORS
+        }
+        | {"": _("Something else")},
     },
     hidden={
         StudyCheckpoint: frozenset({"number"}),  # its place in the list says it

@@ -1,22 +1,15 @@
-"""The pages of the study builder as places in a definition: what each edits, and how it is put
-back.
-"""
+"""The pages of the study builder: what of a definition each edits, and what buttons add to it."""
 
-import math
 from collections.abc import Collection, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
+from statistics import fmean
 from typing import Any
 
 import msgspec
 
-from experiments.builder.design import (
-    StudyDesign,
-    design_of,
-    free_key,
-    new_factor,
-    new_level,
-    with_design,
-)
+from experiments.builder.arrangement import free_key
+from experiments.builder.design import StudyDesign, design_of, new_factor, new_level, with_design
 from experiments.builder.labels import GUIDE
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import Code
@@ -32,7 +25,7 @@ from robots.api.messages import Point
 from surveys.document_forms.parts import Document, in_languages, read_points
 from surveys.document_forms.submitted import number
 
-# What of the study itself is on which page, and the classes of what stands in lists.
+# The fields of the study itself, by page.
 PAGES: Mapping[str, Collection[str]] = {
     "about": (
         *("title", "intro", "source", "licence", "recruitment", "compensation"),
@@ -46,10 +39,10 @@ PAGES: Mapping[str, Collection[str]] = {
     "wizard": ("wizard",),
     "coding": ("coding",),
 }
-PLAN = "plan"  # the page of an optional part of the study: one without content is none
-DESIGN = "design"  # factors, what conditions share, and assignment (experiments/builder/design.py)
+PLAN = "plan"  # edits the plan; an empty one is removed
+DESIGN = "design"  # edits a design.StudyDesign
 LISTS = ("steps", "factors", "conditions", "courses", "analyses")
-# Lists inside an optional part of the study, on whose page they are shown.
+# Lists inside an optional part of the study, shown on its page.
 INNER_LISTS: Mapping[str, str] = {"stages": "wizard", "codes": "coding"}
 CLASSES: Mapping[str, type[Any]] = {
     "factors": Factor,
@@ -59,8 +52,17 @@ CLASSES: Mapping[str, type[Any]] = {
     "stages": WizardStage,
     "codes": Code,
 }
-KEPT = ("kind", "levels")  # what no form of a step or of a condition changes
-NEW_ZONE = 1.0  # metres: the sides of a zone before it is drawn
+KEPT = ("kind", "levels")  # fields of steps and conditions without an input
+CONTROLLERS = ("keyboard", "mouse", "touch", "stick")  # of a new condition
+NEW_ZONE = 1.0  # sides of a new zone in metres
+# New parts: the field that names them, its value, and the other fields that they need. In sum
+# coding the main effect of a factor does not depend on the levels of the others.
+NEW: Mapping[str, tuple[str, str, Document]] = {
+    "conditions": ("key", "condition", {"title": {}, "controllers": CONTROLLERS}),
+    "analyses": ("key", "analysis", {"title": {}, "coding": "sum"}),
+    "stages": ("key", "stage", {"title": {}}),
+    "codes": ("code", "code", {"name": "", "kind": "point"}),
+}
 
 
 @dataclass(frozen=True)
@@ -71,7 +73,7 @@ class BuilderPlace:
     index: int | None = None
 
     def part(self, whole: Document) -> Document | None:
-        """Return the document that the page edits; None when there is none."""
+        """Return the document that the page edits; None for no such page."""
         if self.section in {PLAN, DESIGN} and self.index is None:
             return (whole.get(PLAN) or {}) if self.section == PLAN else design_of(whole)
         if self.index is None:
@@ -95,16 +97,16 @@ class BuilderPlace:
         if self.section == DESIGN:
             return with_design(whole, part)
         if self.section == PLAN:
-            said = {key: value for key, value in part.items() if value not in ([], "", None)}
-            return {**whole, PLAN: said or None}
+            filled = {key: value for key, value in part.items() if value not in ([], "", None)}
+            return {**whole, PLAN: filled or None}
         if self.index is None:
             kept = {key: value for key, value in whole.items() if key not in self.only}
-            changed = {**kept, **_with_inner_lists(part, whole)}
-            return (
-                in_languages(StudyDefinition, changed, part["languages"])
-                if "languages" in part
-                else changed
-            )
+            for section, owner in INNER_LISTS.items():
+                if part.get(owner) is not None:
+                    part = part | {owner: {**part[owner], section: parts_in(whole, section)}}
+            changed = kept | part
+            languages = part.get("languages")
+            return in_languages(StudyDefinition, changed, languages) if languages else changed
         parts = list(parts_in(whole, self.section))
         kept = {key: parts[self.index][key] for key in KEPT if key in parts[self.index]}
         parts[self.index] = {**kept, **(renumber(part) if self.section == "courses" else part)}
@@ -112,7 +114,7 @@ class BuilderPlace:
 
 
 def parts_in(whole: Document, section: str) -> list[Document]:
-    """Return the parts of a list of the study, or of one inside an optional part of it."""
+    """Return the parts of a list of the study, or of an optional part of it."""
     around = whole if section in LISTS else whole.get(INNER_LISTS[section]) or {}
     found: list[Document] = around.get(section, [])
     return found
@@ -125,49 +127,34 @@ def with_parts(whole: Document, section: str, parts: list[Document]) -> Document
     return {**whole, owner: {**(whole.get(owner) or {}), section: parts}}
 
 
-def _with_inner_lists(part: Document, whole: Document) -> Document:
-    """Return what a form said with the lists that have pages of their own."""
-    found = {
-        owner: {**part[owner], section: parts_in(whole, section)}
-        for section, owner in INNER_LISTS.items()
-        if part.get(owner) is not None
-    }
-    return part | found
-
-
 def renumber(course: Document) -> Document:
-    """Return a course whose checkpoints are numbered as they stand, its photo staying with its
-    checkpoint.
-    """
+    """Return a course with its checkpoints numbered in order; its photo keeps its checkpoint."""
     checkpoints, photo = course.get("checkpoints", []), course.get("photo")
     places = {checkpoint.get("number"): n for n, checkpoint in enumerate(checkpoints)}
-    numbered = {
-        **course,
-        "checkpoints": [{**checkpoint, "number": n} for n, checkpoint in enumerate(checkpoints)],
-    }
-    return (
-        {**numbered, "photo": {**photo, "checkpoint": places[photo["checkpoint"]]}}
-        if photo and photo.get("checkpoint") in places
-        else numbered
-    )
-
-
-# --- what is new ----------------------------------------------------------------------------------
+    numbered = [{**checkpoint, "number": n} for n, checkpoint in enumerate(checkpoints)]
+    if photo and photo.get("checkpoint") in places:
+        course = {**course, "photo": {**photo, "checkpoint": places[photo["checkpoint"]]}}
+    return {**course, "checkpoints": numbered}
 
 
 @dataclass(frozen=True)
 class AtHand:
-    """What can be chosen here: the sites' plans by map id, and the series of the robots."""
+    """What conditions can use here: the sites' plans by map id, and the series of the robots."""
 
     sites: Mapping[str, FloorPlan]
     robots: Sequence[str]
 
+    @property
+    def first(self) -> tuple[str, str]:
+        """A robot and a site for a new condition."""
+        return next(iter(self.robots), "robot"), next(iter(self.sites), "site")
+
 
 def new_step(kind: str, blank: Mapping[str, Any], whole: Document) -> Document:
-    """Return a step without words; `blank` is what its kind needs beside them. A questionnaire in a
-    study whose task is repeated is repeated with it.
+    """Return a step without texts; `blank` has what its kind needs. A new questionnaire is repeated
+    if the task is.
     """
-    key = free_key(kind, [one["key"] for one in whole["steps"]])
+    key = free_key(kind, _taken(whole, "steps"))
     is_repeated = any(one.get("repeat") and one["kind"] == "task" for one in whole["steps"])
     asks = issubclass(KINDS[kind], AskingStep) and KINDS[kind].may_repeat
     repeat = {"repeat": True} if is_repeated and asks else {}
@@ -175,50 +162,38 @@ def new_step(kind: str, blank: Mapping[str, Any], whole: Document) -> Document:
 
 
 def landing(whole: Document, step: Document) -> int | None:
-    """Return where a new step belongs: as late as its kind and the others allow. None for one of
-    which there are enough.
+    """Return the last index at which a new step adds no problem of its kind; None if there is none,
+    for example for a second task.
     """
 
-    def wrong(documents: list[Document]) -> int:
+    def count(documents: list[Document]) -> int:
         steps = [msgspec.convert(one, KINDS[one["kind"]]) for one in documents]
         return sum(1 for kind in KINDS.values() for _problem in kind.problems_among(steps))
 
     steps = whole["steps"]
-    counts = {n: wrong([*steps[:n], step, *steps[n:]]) for n in range(len(steps), -1, -1)}
+    counts = {n: count([*steps[:n], step, *steps[n:]]) for n in range(len(steps), -1, -1)}
     best = min(counts, key=lambda n: counts[n])
-    return best if counts[best] <= wrong(steps) else None
+    return best if counts[best] <= count(steps) else None
+
+
+def new_in(section: str, whole: Document, **more: Any) -> Document:
+    """Return a new part of a list (`NEW`) under a name that is free there."""
+    name, value, fields = NEW[section]
+    return {name: free_key(value, _taken(whole, section)), **deepcopy(fields), **more}
 
 
 def new_condition(whole: Document, at_hand: AtHand) -> Document:
-    """Return a condition of the first robot and site."""
-    key = free_key("condition", [one["key"] for one in whole["conditions"]])
-    site, robot = next(iter(at_hand.sites), "site"), next(iter(at_hand.robots), "robot")
-    return {
-        "key": key,
-        "title": {},
-        "robot": robot,
-        "site": site,
-        "controllers": ["keyboard", "mouse", "touch", "stick"],
-    }
+    robot, site = at_hand.first
+    return new_in("conditions", whole, robot=robot, site=site)
 
 
-def new_analysis(whole: Document) -> Document:
-    """Return an analysis that measures nothing yet. Its coefficients are main effects: in sum
-    coding, that of a factor does not depend on the levels of the others.
-    """
-    key = free_key("analysis", [one["key"] for one in whole["analyses"]])
-    return {"key": key, "title": {}, "coding": "sum"}
-
-
-def new_stage(whole: Document) -> Document:
-    return {
-        "key": free_key("stage", [one["key"] for one in parts_in(whole, "stages")]),
-        "title": {},
-    }
+def _taken(whole: Document, section: str) -> list[str]:
+    name = NEW[section][0] if section in NEW else "key"
+    return [one[name] for one in parts_in(whole, section)]
 
 
 def new_script_step(stage: Document, kind: str, places: Sequence[str]) -> Document | None:
-    """Return a step of a script: a line, or a move of a kind; None for another kind."""
+    """Return a step of a script: with a line, or a move of a kind; None for an unknown kind."""
     key = free_key(f"{stage['key']}_1", [one["key"] for one in stage.get("steps", ())])
     moves: dict[str, Document] = {
         "place": {"name": next(iter(places), "place")},
@@ -234,58 +209,50 @@ def new_script_step(stage: Document, kind: str, places: Sequence[str]) -> Docume
     return {"key": key, "title": {}, **move}
 
 
-def new_code(whole: Document) -> Document:
-    code = free_key("code", [one["code"] for one in parts_in(whole, "codes")])
-    return {"code": code, "name": "", "kind": "point"}
-
-
 def new_course(whole: Document, at_hand: AtHand) -> Document:
-    """Return a course for the first robot and site of the conditions that have none, as the plan
-    suggests it.
-    """
+    """Return a course for the first robot and site of conditions without one."""
     wanted = [(one["robot"], one["site"]) for one in whole["conditions"]]
     taken = {(one["robot"], one["site"]) for one in whole["courses"]}
-    first = (next(iter(at_hand.robots), "robot"), next(iter(at_hand.sites), "site"))
-    robot, site = next((name for name in wanted if name not in taken), first)
-    plan = at_hand.sites.get(site)
-    course: Document = {"robot": robot, "site": site, "checkpoints": []}
-    return {**course, **_suggested(plan, robot)} if plan is not None else course
+    robot, site = next((one for one in wanted if one not in taken), at_hand.first)
+    return _suggested(robot, site, at_hand)
 
 
 def with_courses(whole: Document, at_hand: AtHand) -> Document:
-    """Return a study with a course for each robot and site of its conditions, as the plans of the
-    sites suggest them.
-    """
-    known = [one for one in whole["conditions"] if one["site"] in at_hand.sites]
-    courses = whole.get("courses", [])
-    while {(one["robot"], one["site"]) for one in known} - {
-        (one["robot"], one["site"]) for one in courses
-    }:
-        new = new_course({**whole, "conditions": known, "courses": courses}, at_hand)
-        courses = [*courses, new]
+    """Return a study with a course for each robot and site of its conditions."""
+    courses = list(whole.get("courses", []))
+    taken = {(one["robot"], one["site"]) for one in courses}
+    wanted = dict.fromkeys((one["robot"], one["site"]) for one in whole["conditions"])
+    for robot, site in wanted:
+        if site in at_hand.sites and (robot, site) not in taken:
+            courses.append(_suggested(robot, site, at_hand))
     return {**whole, "courses": courses}
 
 
-def _suggested(plan: FloorPlan, robot: str) -> Document:
-    """Return what the plan itself knows of a course: its route, or at least the station."""
-    route, docks = plan.route_of(robot), [dock for dock in plan.docks if dock.type == robot]
-    doors = [door.name for door in plan.doors] if route is not None else []
-    named = {"dock": docks[0].name} if len(docks) > 1 else {}
-    if route is None:
+def _suggested(robot: str, site: str, at_hand: AtHand) -> Document:
+    """Return a course with the route that a plan suggests, or at least its station."""
+    course: Document = {"robot": robot, "site": site, "checkpoints": []}
+    plan = at_hand.sites.get(site)
+    if plan is None:
+        return course
+    docks = [dock for dock in plan.docks if dock.type == robot]
+    if len(docks) > 1:
+        course["dock"] = docks[0].name
+    if (route := plan.route_of(robot)) is None:
         stations = [{"number": 0, "x": dock.x, "y": dock.y} for dock in docks[:1]]
-        return {**named, "checkpoints": stations}
+        return course | {"checkpoints": stations}
     points = [
         {"number": one.number, "x": one.x, "y": one.y, "radius": one.radius}
         for one in route.checkpoints
     ]
-    return {**named, "checkpoints": points, "path": msgspec.to_builtins(route.path), "doors": doors}
+    doors = [door.name for door in plan.doors]
+    return course | {"checkpoints": points, "path": msgspec.to_builtins(route.path), "doors": doors}
 
 
 def new_part(
     name: str, others: list[Document], kind: str, languages: Collection[str], at: Point
 ) -> Document | None:
     """Return a new part of a list of that name ("factors.0.levels") beside the others, of a kind
-    where there are several, and placed at a point; None for other lists.
+    if there are several, and placed at a point; None for other lists.
     """
     key, n = name.rpartition(".")[2], len(others)
     if key == "factors":
@@ -294,12 +261,8 @@ def new_part(
         return new_level(others)
     x, y = at
     half = NEW_ZONE / 2.0
-    corners = [
-        [x - half, y - half],
-        [x + half, y - half],
-        [x + half, y + half],
-        [x - half, y + half],
-    ]
+    offsets = ((-half, -half), (half, -half), (half, half), (-half, half))
+    corners = [[round(x + dx, 2), round(y + dy, 2)] for dx, dy in offsets]
     parts: dict[str, Document] = {
         "leaves": {"text": {}},
         "contrasts": {"title": {}, "first": [], "second": []},
@@ -313,22 +276,16 @@ def new_part(
         "answer_quotas": {"questionnaire": "questionnaire", "item": "item"},
         "modifiers": {"name": f"modifier {n + 1}", "values": []},
         "checkpoints": {"number": n, "x": round(x, 2), "y": round(y, 2)},
-        "zones": {
-            "name": f"zone_{n + 1}",
-            "title": {},
-            "polygon": [[round(value, 2) for value in corner] for corner in corners],
-        },
+        "zones": {"name": f"zone_{n + 1}", "title": {}, "polygon": corners},
     }
     return parts.get(key)
 
 
 def list_in(part: Document, name: str) -> list[Document] | None:
-    """Return the list with a name in a part, made where there is none; None for what is no list of
-    parts.
-    """
-    *way, key = name.split(".")
+    """Return the list of a name in a part, created if missing; None for other names."""
+    *path, key = name.split(".")
     here: Any = part
-    for step in way:
+    for step in path:
         if isinstance(here, list):
             here = dict(enumerate(here)).get(number(step))
         else:
@@ -339,35 +296,31 @@ def list_in(part: Document, name: str) -> list[Document] | None:
 
 
 def clicked_point(at: str, default: Point) -> Point:
-    """Return the point "x y" that a click on the map stands for; `default` when there was none."""
-    points = read_points(at)
-    return (
-        (points[0][0], points[0][1]) if isinstance(points, list) and len(points) == 1 else default
-    )
+    """Return the point "x y" of a click on the map; `default` without one."""
+    match read_points(at):
+        case [[float(x), float(y)]]:
+            return x, y
+    return default
 
 
 def middle_of(plan: FloorPlan | None) -> Point:
     """Return the middle of a site's first room, in metres."""
     if plan is None:
         return 0.0, 0.0
-    corners = plan.rooms[0].polygon
-    return math.fsum(x for x, _ in corners) / len(corners), math.fsum(y for _, y in corners) / len(
-        corners
-    )
+    xs, ys = zip(*plan.rooms[0].polygon, strict=True)
+    return fmean(xs), fmean(ys)
 
 
 def copied(section: str, part: Document, whole: Document) -> Document:
-    """Return a copy of a part of a list, under a key of its own; what is pressed stays with the
-    original.
-    """
-    parts = parts_in(whole, section)
+    """Return a copy of a part of a list under a free name, without the keys to press."""
     if section == "courses":
         return part
     if section == "codes":
-        return {**part, "code": free_key(part["code"], [one["code"] for one in parts]), "key": ""}
-    copy = {**part, "key": free_key(part["key"], [one["key"] for one in parts])}
+        return {**part, "code": free_key(part["code"], _taken(whole, section)), "key": ""}
+    copy = {**part, "key": free_key(part["key"], _taken(whole, section))}
     if section == "stages":
-        taken = [step["key"] for one in parts for step in one.get("steps", ())]
+        stages = parts_in(whole, section)
+        taken = [step["key"] for one in stages for step in one.get("steps", ())]
         copy["steps"] = [
             {**step, "key": free_key(step["key"], taken), "shortcut": ""}
             for step in part.get("steps", ())

@@ -1,6 +1,6 @@
-"""The form of a part of a study (surveys/document_forms/part_form.py): its guide, the levels of a
-factor, which have a field for each setting that the factor changes, the questionnaire of a step,
-which is chosen with its version, and what a hypothesis expects, which is chosen as one sentence.
+"""The form of a part of a study (surveys/document_forms/part_form.py). Levels of a factor have a
+field for each setting that it changes; a questionnaire is chosen with its version, and what a
+hypothesis expects as one sentence.
 """
 
 from collections.abc import Collection, Iterator, Mapping
@@ -22,13 +22,13 @@ from surveys.document_forms.fields import NONE, ValueField
 from surveys.document_forms.part_form import Group, PartForm
 from surveys.document_forms.parts import AskedField, Document
 
-NO_FIELDS = ("",)  # `only` of a part that asks nothing
+NO_FIELDS = ("",)  # `only` for no fields
 SHARED = "shared."
 UNCHOSEN = {"different:::"}
 
 
 class SeveralField(ValueField):
-    """One choice that stands for several values of a part, with colons between."""
+    """A choice of several values of a part, joined by colons."""
 
     def __init__(
         self, member: AskedField, groups: Mapping[str, Mapping[str, Any]], value: str
@@ -44,7 +44,7 @@ class SeveralField(ValueField):
 
 
 class MediaInput(forms.Select):
-    """A picture among those at hand, and below it a file to upload instead; an own one is shown."""
+    """A choice of pictures, with an upload below it and a preview of an uploaded one."""
 
     needs_multipart_form = True
 
@@ -52,22 +52,17 @@ class MediaInput(forms.Select):
         chosen = str(value or "")
         shown = format_html("")
         if chosen.startswith(OWN_MEDIA):
-            tag = (
-                "<video src='{}' controls></video>" if is_video(chosen) else "<img src='{}' alt=''>"
-            )
+            tag = "<video src='{}' controls></video>"
+            tag = tag if is_video(chosen) else "<img src='{}' alt=''>"
             shown = format_html(tag, reverse("study_media", args=[chosen]))
-        file = format_html(
-            '<input type="file" name="{}.file" accept="{}" aria-label="{}">',
-            name,
-            ACCEPTED,
-            gettext("Own picture or video"),
-        )
+        tag = '<input type="file" name="{}.file" accept="{}" aria-label="{}">'
+        file = format_html(tag, name, ACCEPTED, gettext("Own picture or video"))
         return super().render(name, value, attrs, renderer) + shown + file
 
 
 class StudyPartForm(PartForm):
-    """The form of a part of a study. Of what is `offered`, "versions" are the questionnaires,
-    "claims" what hypotheses may expect, and "shared" the fields that all conditions share.
+    """The form of a part of a study. `offered` also has "versions" of questionnaires, "claims" of
+    hypotheses, and "shared", the fields that all conditions share.
     """
 
     guide = GUIDE
@@ -86,17 +81,11 @@ class StudyPartForm(PartForm):
         elif issubclass(cls, Factor | AskingStep | Hypothesis):
             self._around = document
         for part in super()._parts(cls, document, prefix, only):
-            if (
-                not isinstance(part, Group)
-                or part.parts
-                or part.is_list
-                or part.switch
-                or part.kind
-            ):
+            is_group = isinstance(part, Group)
+            if not is_group or part.parts or part.is_list or part.switch or part.kind:
                 yield part
 
     def fields_of(self, member: AskedField, value: Any, name: str) -> Iterator[forms.BoundField]:
-        """Add the field of a value, or of several that are chosen as one."""
         around = self._around
         if member.called.endswith("Step.questionnaire"):
             asked = f"{value}:{around.get('version', 1)}"
@@ -119,7 +108,7 @@ class StudyPartForm(PartForm):
             yield from super().fields_of(member, value, name)
 
     def fix(self, name: str, words: str) -> None:
-        """Show a field that cannot be changed, and why."""
+        """Disable a field, and show why."""
         if name in self.fields:
             self[name].help_text = words
             self.fields[name].widget.attrs["disabled"] = True
@@ -128,9 +117,7 @@ class StudyPartForm(PartForm):
     def read(
         cls, part: type[Any], sent: Any, *, only: Collection[str] = (), prefix: str = ""
     ) -> Document:
-        """Return the document that a form makes. Factors and levels have, as `was`, the short name
-        with which the page was shown.
-        """
+        """Return the document of a form; `was` is the key that a factor or level was shown with."""
         if part is LevelSettings:
             factor = prefix.partition(".levels.")[0]
             only = sent.getlist(f"{factor}.changes") or NO_FIELDS
@@ -148,9 +135,7 @@ class StudyPartForm(PartForm):
 
 
 def claim_of(hypothesis: Mapping[str, Any]) -> str:
-    """Return what a hypothesis expects as one word: direction, analysis, contrast and effect, the
-    last with dots instead of colons.
-    """
+    """Return "direction:analysis:contrast:effect", with dots for the colons of the effect."""
     effect = hypothesis.get("effect", "").replace(":", ".")
     contrast = hypothesis.get("contrast") or ""
     direction = hypothesis.get("direction", "different")
@@ -158,7 +143,6 @@ def claim_of(hypothesis: Mapping[str, Any]) -> str:
 
 
 def claimed(claim: str) -> Document:
-    """Return the fields of a hypothesis for such a word."""
     direction, analysis, contrast, effect = (*claim.split(":"), "", "", "", "")[:4]
     number = int(contrast[:3]) if contrast.isascii() and contrast.isdigit() else None
     found = {

@@ -1,4 +1,4 @@
-"""A page of one study in the administration: its address and what is around its content."""
+"""The base of pages of one study in the administration."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +13,7 @@ from experiments.models import Study
 
 
 class StudyPages:
-    """What pages of a study share; mixed into the studies' administration."""
+    """A mixin of the studies' administration."""
 
     admin_site: AdminSite
     opts: Any
@@ -21,7 +21,7 @@ class StudyPages:
     def study_path(
         self, route: str, view: Callable[..., HttpResponseBase], name: str
     ) -> URLPattern:
-        """Return the address of a page that nobody but staff sees and no cache keeps."""
+        """Return the address of a page for staff only that no cache keeps."""
         guarded: Any = self.admin_site.admin_view(never_cache(view))
         return path(f"<uuid:pk>/{route}", guarded, name=f"experiments_study_{name}")
 

@@ -1,6 +1,4 @@
-"""The lists of the study builder: what can be added to each, what its parts are called, and what is
-said of them.
-"""
+"""The lists of the study builder: what can be added, and the titles and summaries of parts."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -17,7 +15,7 @@ from surveys.documents import text_in
 
 
 def kinds(section: str) -> list[tuple[str, Any]]:
-    """Return what can be added to a list: each kind with its label."""
+    """Return the kinds of parts that can be added to a list, with their labels."""
     if section == "steps":
         return [(kind, page_type(kind).label) for kind in KINDS]
     named = {
@@ -31,7 +29,7 @@ def kinds(section: str) -> list[tuple[str, Any]]:
 
 
 def title_of(part: Document, whole: Document) -> str:
-    """Return what a step, condition or course is called, in the first language that has it."""
+    """Return the title of a step, condition or course in the first language that has it."""
     named = {"robot": part.get("robot", ""), "site": part.get("site", "")}
     return (
         text_in(part.get("title", {}), whole["languages"])
@@ -45,8 +43,8 @@ def title_of(part: Document, whole: Document) -> str:
 def about(
     section: str, part: Document, whole: Document, titles: Mapping[tuple[str, int], str]
 ) -> Iterator[Any]:
-    """Yield what a list says of one of its parts below its title; empty texts among it. `titles`
-    are those of questionnaires, by name and version.
+    """Yield the summary of a part of a list, with empty texts. `titles` are those of
+    questionnaires by name and version.
     """
     if section == "steps":
         yield page_type(part["kind"]).label

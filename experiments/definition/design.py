@@ -1,8 +1,6 @@
-"""The factors of a study: what is varied, what each level sets, and whether within or between
-participants.
-"""
+"""The factors of a study, their levels, and what levels set in the conditions."""
 
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from msgspec import Meta
 
@@ -16,31 +14,11 @@ Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
 OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
 ControlWay = Literal["any", "datachannel", "mqtt"]
 Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
-# What the levels of a factor can set in a condition: the fields of LevelSettings.
-Setting = Literal[
-    "video_delay",
-    "video_jitter",
-    "video_loss",
-    "control_delay",
-    "control_jitter",
-    "control_loss",
-    "assist",
-    "interface",
-    "controllers",
-    "actions",
-    "control_way",
-    "linear",
-    "angular",
-    "doors_closed",
-    "robot",
-    "site",
-]
 
 
 class LevelSettings(DocumentPart, frozen=True, kw_only=True):
     """What a level sets in each condition that has it; None leaves a setting to the condition.
-
-    Delays and jitters in seconds, losses as shares of the packets, speed limits in m/s and rad/s.
+    Delays and jitters in s, losses as shares of the packets, speed limits in m/s and rad/s.
     """
 
     video_delay: Delay | None = None
@@ -61,19 +39,22 @@ class LevelSettings(DocumentPart, frozen=True, kw_only=True):
     site: PlanKey | None = None
 
 
-class Level(DocumentPart, frozen=True, kw_only=True):
-    """A value of a factor."""
+if TYPE_CHECKING:
+    Setting = str
+else:
+    Setting = Literal[LevelSettings.__struct_fields__]
 
+
+class Level(DocumentPart, frozen=True, kw_only=True):
     key: Key
     title: Text
     sets: LevelSettings = LevelSettings()
 
 
 class Factor(DocumentPart, frozen=True, kw_only=True):
-    """What is varied, such as the delay or the assistance. `within`: a participant has all of its
-    levels, `between`: one. Each level sets what the factor `changes`; a factor that changes nothing
-    on the robot differs in the instructions, or in what people do. The first level is the reference
-    of treatment coding.
+    """What is varied. A participant has all levels of a `within` factor and one of a `between`
+    factor; a study with both has a mixed design. Each level sets what the factor `changes`: nothing
+    if levels differ in instructions only. The first level is the reference of treatment coding.
     """
 
     key: Key

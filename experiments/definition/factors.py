@@ -1,8 +1,5 @@
-"""Factors and their crossing: which conditions one participant may have, what the levels of a
-condition set in it, and what is wrong with the cells of a design. Pure.
-
-A condition is one cell: it has one level of each factor. A factor is *within* when a participant
-has all of its levels, *between* when they have one; a study with both kinds is a mixed design.
+"""Crossed factors: which conditions one participant may have, what levels set in a condition, and
+the problems of a design. A condition is a cell: it has one level of each factor.
 """
 
 import math
@@ -22,11 +19,11 @@ LEAST_LEVELS = 2
 MOST_PERMUTED = 4  # conditions of which all orders are made: 24
 MOST_ORDERED = 9  # conditions of one participant, in balanced or fixed order
 MOST_CELLS = 24  # conditions of a study
-# Where a condition has what a level sets: its fields, from the outside in.
+# The path of a setting in a condition, where it is not a field of the condition.
 _INSIDE: Mapping[str, tuple[str, ...]] = {
     **{
-        f"{way}_{name}": ("network", way, name)
-        for way in ("video", "control")
+        f"{direction}_{name}": ("network", direction, name)
+        for direction in ("video", "control")
         for name in ("delay", "jitter", "loss")
     },
     "linear": ("speed", "linear"),
@@ -54,7 +51,6 @@ SETTING_NAMES: Mapping[str, str] = {
 
 
 def setting_of(condition: Condition, name: str) -> Any:
-    """Return the value that a condition has of a setting, whatever set it."""
     value: Any = condition
     for step in SETTINGS[name]:
         value = getattr(Impairment() if value is None else value, step)
@@ -62,7 +58,7 @@ def setting_of(condition: Condition, name: str) -> Any:
 
 
 def levels_of(study: StudyDefinition, condition: Condition) -> list[tuple[Factor, Level]]:
-    """Return the levels of a condition that exist, in the order of the factors."""
+    """Return the levels of a condition, in the order of the factors, without unknown ones."""
     return [
         (factor, level)
         for factor in study.factors
@@ -90,8 +86,8 @@ def _with(part: Any, path: Sequence[str], value: Any) -> Any:
 
 
 def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], ...]:
-    """Return the conditions that are open to people who came that way, in groups: of one group a
-    participant has one condition (between) or all (within, or mixed designs).
+    """Return the conditions with an access, in groups: of one group a participant has one condition
+    (between participants) or all (within participants, or in a mixed design).
     """
     found: dict[tuple[str, ...], list[Condition]] = {}
     for condition in study.conditions:
@@ -101,8 +97,8 @@ def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], 
 
 
 def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
-    """Return the keys of the conditions that one participant may have, a tuple for each kind of
-    participant: one condition between participants, several within them.
+    """Return the keys of the conditions that one participant does, for each kind of participant:
+    one condition between participants, several within them.
     """
     found = [
         tuple(one.key for one in group)
@@ -115,7 +111,6 @@ def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield what is wrong with the factors of a study and their cells."""
     keys = (factor.key for factor in study.factors)
     yield from within(duplicates(_("Factor"), keys), ProblemPlace("factors"))
     changed = Counter[str](name for factor in study.factors for name in factor.changes)
@@ -127,10 +122,12 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
         words = _("The factors have %(n)d cells; at most %(most)d are allowed.")
         yield Problem(words, {"n": count, "most": MOST_CELLS}, place=ProblemPlace("design"))
     else:
-        wrong = list(_of_levels(study))
-        yield from wrong
-        if study.factors and not wrong:
-            yield from _of_cells(study)
+        wrong = [
+            problem
+            for n, one in enumerate(study.conditions)
+            for problem in of_condition(n, one, _of_levels(study, one))
+        ]
+        yield from wrong or _of_cells(study)
     yield from within(_of_design(study), ProblemPlace("design"))
 
 
@@ -154,27 +151,13 @@ def _of_factor(factor: Factor, changed: Mapping[str, int]) -> Iterator[Problem]:
             yield Problem(words, {"level": level.key, "setting": named})
 
 
-def _of_levels(study: StudyDefinition) -> Iterator[Problem]:
-    known = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
-    for n, condition in enumerate(study.conditions):
-        yield from of_condition(n, condition, _of_own_levels(condition, known))
-        yield from of_condition(n, condition, _of_settings(study, condition))
-
-
-def _of_settings(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:
-    wanted = with_levels(condition, levels_of(study, condition))
-    for name in SETTINGS:
-        if setting_of(condition, name) != setting_of(wanted, name):
-            words = _("it differs from what its levels set: %(setting)s.")
-            yield Problem(words, {"setting": SETTING_NAMES[name]})
-
-
 def of_condition(n: int, condition: Condition, found: Iterable[Problem]) -> Iterator[Problem]:
     """Yield problems as those of the condition with a number."""
     return within(found, ProblemPlace("conditions", n), _("Condition"), condition.key)
 
 
-def _of_own_levels(condition: Condition, known: Mapping[str, list[str]]) -> Iterator[Problem]:
+def _of_levels(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:
+    known = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
     for key, levels in known.items():
         own = condition.levels.get(key, "")
         if not own:
@@ -185,9 +168,16 @@ def _of_own_levels(condition: Condition, known: Mapping[str, list[str]]) -> Iter
     for key in condition.levels:
         if key not in known:
             yield Problem(_("there is no factor %(key)s."), {"key": key})
+    wanted = with_levels(condition, levels_of(study, condition))
+    for name in SETTINGS:
+        if setting_of(condition, name) != setting_of(wanted, name):
+            words = _("it differs from what its levels set: %(setting)s.")
+            yield Problem(words, {"setting": SETTING_NAMES[name]})
 
 
 def _of_cells(study: StudyDefinition) -> Iterator[Problem]:
+    if not study.factors:
+        return
     wanted = product(*([(one.key, level.key) for level in one.levels] for one in study.factors))
     first: dict[tuple[tuple[str, str], ...], str] = {}
     for n, condition in enumerate(study.conditions):
@@ -215,14 +205,13 @@ def cell_of(condition: Condition, factors: Sequence[Factor]) -> tuple[tuple[str,
 
 def _of_design(study: StudyDefinition) -> Iterator[Problem]:
     inside = [factor.key for factor in study.factors if factor.design == "within"]
-    if study.factors and (study.allocation.design == "within") != bool(inside):
-        if inside:
-            words = _("The assignment must be within participants, because the factor %(key)s is.")
-            yield Problem(words, {"key": inside[0]})
-        else:
-            words = _("The assignment must be between participants, because all factors are.")
-            yield Problem(words)
-    if study.allocation.design != "within":
+    is_within = study.allocation.design == "within"
+    if inside and not is_within:
+        words = _("The assignment must be within participants, because the factor %(key)s is.")
+        yield Problem(words, {"key": inside[0]})
+    if study.factors and is_within and not inside:
+        yield Problem(_("The assignment must be between participants, because all factors are."))
+    if not is_within:
         return
     most = MOST_PERMUTED if study.allocation.order == "all" else MOST_ORDERED
     for access in ("open", "invitation"):
@@ -230,19 +219,10 @@ def _of_design(study: StudyDefinition) -> Iterator[Problem]:
             if len(group) > most:
                 words = _("%(n)d conditions for each participant; at most %(most)d can be ordered.")
                 yield Problem(words, {"n": len(group), "most": most})
-    yield from _of_access(study)
-
-
-def _of_access(study: StudyDefinition) -> Iterator[Problem]:
-    """A participant has every level of a within factor, so its conditions are open to the same
-    people.
-    """
-    if not any(factor.design == "within" for factor in study.factors):
-        return
-    ways: dict[tuple[str, ...], set[str]] = {}
-    for condition in study.conditions:
-        ways.setdefault(_between_cell(study, condition), set()).add(condition.access)
-    if any(len(one) > 1 for one in ways.values()):
+    # A participant does every level of a within factor: those conditions need the same access.
+    cells = Counter(_between_cell(study, one) for one in study.conditions)
+    accesses = {(_between_cell(study, one), one.access) for one in study.conditions}
+    if inside and len(accesses) > len(cells):
         words = _(
             "The assignment gives a participant every level of a within factor: all conditions of "
             "one participant must have the same access (open, or by invitation)."

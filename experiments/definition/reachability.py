@@ -1,7 +1,5 @@
-"""Can a robot's middle get from one place of a site to others, with some of its doors closed?
-
-A closed door is a wall of the plan; what is connected is told on the same map that the site's own
-inspection uses.
+"""Which places of a site a robot can reach with some doors closed. A closed door is a wall of the
+plan, and the map is that of the site's inspection.
 """
 
 from collections.abc import Iterable, Sequence
@@ -15,16 +13,14 @@ from robots.api.messages import Point
 from robots.world.inspection import BACKED_OUT, Floor
 from robots.world.render_plan import rasterise
 
-CELLS = 2.0  # how far beside the point before a station the floor may begin
+CELLS = 2.0  # the distance of free floor from the point before a station
 
 
 def unreachable(
     plan: FloorPlan, closed: Iterable[str], dock: Pose2D, spots: Sequence[tuple[Point, float]]
 ) -> list[int]:
-    """Return the indices of the spots, each a point and a radius in metres, that a robot which
-    leaves `dock` does not get to.
-
-    When the station itself cannot be left, that is all of them.
+    """Return the indices of the spots, each a point and a radius in metres, that a robot cannot
+    reach from `dock`; all of them when it cannot leave the station.
     """
     floor = _floor(plan, frozenset(closed))
     x, y = dock.apply(-BACKED_OUT, 0.0)

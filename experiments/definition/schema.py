@@ -1,17 +1,14 @@
-"""A study as it is written: version 1 of the JSON format, one class a kind of thing.
+"""The definition of a study: version 1 of the JSON format, one class for each kind of part.
 
-A study is the *steps* that a participant goes through, the *conditions* that are compared, and the
-*courses* that are driven. What happens in which order for whom follows from it alone
-(experiments/participation/assignment.py, experiments/tasks/engine.py); a published study is frozen
-by the SHA-256 of its definition. What is stored, exported and hashed names every value, so that a
-release that changes a default changes no study. Metres, radians, m/s and seconds in the frame of
-the site's map, unless a name says minutes.
+A study has *steps* that participants go through, *conditions* that are compared, and *courses* that
+are driven; what happens when follows from it alone (experiments/participation/assignment.py,
+experiments/tasks/engine.py). A published definition is frozen by its SHA-256. Stored, exported and
+hashed definitions contain every value, so that changed defaults of a release change no study.
 
-Texts are objects of languages, as in questionnaires. The classes refuse unknown fields and wrong
-types; experiments/definition/problems.py tells what types cannot,
-experiments/definition/feasibility.py what only the sites, robots and questionnaires at hand can.
-
-The steps that a participant goes through are a file a kind in experiments/definition/steps/.
+Texts are objects by language. Units are metres, radians, m/s and s in the frame of the site's map,
+unless a name says minutes. The classes refuse unknown fields and wrong types; problems.py checks
+the rest, feasibility.py what depends on the sites, robots and questionnaires of a server.
+docs/reference/studies.md explains every field.
 """
 
 from hashlib import sha256
@@ -55,7 +52,7 @@ from surveys.documents import DocumentPart, Key, Language, Slug, Text, fields_of
 if TYPE_CHECKING:
     AnyStep = Step
 else:
-    AnyStep = Union[tuple(KINDS.values())]  # noqa: UP007 - the kinds are found when this is read
+    AnyStep = Union[tuple(KINDS.values())]  # noqa: UP007 - found at run time
 
 Outcome = Literal[
     "completed",
@@ -68,12 +65,9 @@ Outcome = Literal[
 ]
 
 
-# --- where it is driven ---------------------------------------------------------------------------
-
-
 class StudyCheckpoint(DocumentPart, frozen=True, kw_only=True):
-    """A point of the course, passed within `radius` and in the same room. Number 0 is the charging
-    station: it is left, and returned to.
+    """A point of the course, passed within `radius` metres in the same room. Number 0 is the
+    charging station.
     """
 
     number: Annotated[int, Meta(ge=0, le=99)]
@@ -84,10 +78,8 @@ class StudyCheckpoint(DocumentPart, frozen=True, kw_only=True):
 
 
 class PhotoTask(DocumentPart, frozen=True, kw_only=True):
-    """The photo of one's own reflection, asked for within `radius` of a checkpoint that was passed.
-
-    `view` is how far the mirror may lie off the camera's axis for the visitor to see the robot in
-    it.
+    """A photo of the robot's reflection, due within `radius` metres of a passed checkpoint. The
+    robot is in the picture while the mirror is within `view` radians of the camera's axis.
     """
 
     checkpoint: Annotated[int, Meta(ge=1, le=99)]
@@ -97,9 +89,7 @@ class PhotoTask(DocumentPart, frozen=True, kw_only=True):
 
 
 class Zone(DocumentPart, frozen=True, kw_only=True):
-    """A part of the floor for which times and collisions are told apart; `polygon` in order, not
-    closed.
-    """
+    """A part of the floor with its own times and collisions; `polygon` in order, not closed."""
 
     name: Key
     title: Text
@@ -107,7 +97,7 @@ class Zone(DocumentPart, frozen=True, kw_only=True):
 
 
 class Course(DocumentPart, frozen=True, kw_only=True):
-    """What one series of robots drives at one site. `doors` have to be crossed, each only where the
+    """The course of one series of robots at one site. `doors` must be crossed, each only where the
     condition leaves it open.
     """
 
@@ -121,13 +111,8 @@ class Course(DocumentPart, frozen=True, kw_only=True):
     photo: PhotoTask | None = None
 
 
-# --- what is compared -----------------------------------------------------------------------------
-
-
 class Impairment(DocumentPart, frozen=True, kw_only=True):
-    """What is put on one direction of the network: seconds, shares, and bit/s. The seed comes from
-    the session.
-    """
+    """Impairments of one direction of the network: seconds, shares, and bit/s."""
 
     delay: Delay = 0.0
     jitter: Delay = 0.0
@@ -137,7 +122,7 @@ class Impairment(DocumentPart, frozen=True, kw_only=True):
 
 
 class Network(DocumentPart, frozen=True, kw_only=True):
-    """The network of a condition, towards the robot and back from its camera."""
+    """Impairments towards the robot (`control`) and from its camera."""
 
     control: Impairment | None = None
     video: Impairment | None = None
@@ -151,12 +136,9 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
 
 
 class Condition(DocumentPart, frozen=True, kw_only=True):
-    """One way to do the task. What it says, the visitor cannot change.
-
-    `levels` is its cell: its level of each factor. `robot` is a series. `access` says who may be
-    assigned to it: everybody who has the link, or those who were invited. `idle_seconds` is how
-    long a driver may do nothing before being asked
-    whether anybody is there; absent or 0 for ever, for a drive of a study has its own time limit.
+    """What a participant drives with, and cannot change. `levels` are its cell: its level of each
+    factor. `robot` is a series. After `idle_seconds` without input the page asks whether the
+    driver is there; None or 0: never.
     """
 
     key: Key
@@ -176,15 +158,10 @@ class Condition(DocumentPart, frozen=True, kw_only=True):
     idle_seconds: Annotated[float, Meta(ge=0.0, le=3600.0)] | None = None
 
 
-# --- the rules ------------------------------------------------------------------------------------
-
-
 class BalanceFactor(DocumentPart, frozen=True, kw_only=True):
-    """A property of participants that is to be distributed evenly over the cells.
-
-    `item` is `age`, as given with the consent, or `questionnaire.item`, as answered before the
-    robot is assigned. Numbers are grouped: below the first of `limits`, then from each of them on.
-    Participants without an answer form a group of their own.
+    """A property of participants that assignment distributes evenly over the cells: `age`, or a
+    `questionnaire.item` that is answered before. Numbers are grouped: below the first of `limits`,
+    then from each of them on. Participants without an answer are a group of their own.
     """
 
     item: Annotated[str, Meta(pattern=r"^(age|[a-z][a-z0-9-]{0,39}\.[a-z][a-z0-9_]{0,39})$")]
@@ -192,19 +169,16 @@ class BalanceFactor(DocumentPart, frozen=True, kw_only=True):
 
 
 class Allocation(DocumentPart, frozen=True, kw_only=True):
-    """Who gets which condition.
+    """How conditions are assigned.
 
-    Between participants each does one condition; within them each does all that are open to them,
-    in an order: `fixed` as written, `all` orders, or `balanced` ones. With factors of both kinds a
-    participant does the conditions of one cell of the between factors. `quota` is how many
-    participants fill a cell (a condition, or an order); None is no end. Participants who have
-    several conditions to do and are not seen for `left_after_hours` before the last of them have
-    left: another participant gets the order.
+    Within participants, each does all conditions with their access (in a mixed design, all of one
+    cell of the between factors) in an order; a cell is then an order, else a condition. `quota` is
+    the number of participants per cell; None: no limit. A participant with conditions left who is
+    not seen for `left_after_hours` dropped out: another participant gets the order.
 
-    A participant gets the cell with the fewest participants with probability `best_probability`,
-    else any other one: with 1, whoever knows the numbers knows each assignment beforehand. With
-    `balance`, the participants that are counted are those alike in all of these factors (`strata`),
-    or in each of them, added up (`minimization`).
+    A participant gets the cell with the fewest participants with `best_probability`, else any other
+    one. With `balance`, only alike participants are counted: alike in all factors (`strata`), or in
+    each factor, added up (`minimization`).
     """
 
     design: Design = "between"
@@ -217,8 +191,8 @@ class Allocation(DocumentPart, frozen=True, kw_only=True):
 
 
 class Refill(DocumentPart, frozen=True, kw_only=True):
-    """Exposed participants with one of these outcomes leave their place to another, at most `most`
-    times a cell; they stay in its flow.
+    """Exposed participants with one of these outcomes are replaced, at most `most` times per cell;
+    the flow chart keeps them.
     """
 
     outcomes: tuple[Outcome, ...] = ()
@@ -226,7 +200,7 @@ class Refill(DocumentPart, frozen=True, kw_only=True):
 
 
 class Quality(DocumentPart, frozen=True, kw_only=True):
-    """What a session's record must be like to be called good; rates in Hz, times in s."""
+    """The requirements of a good record of a session; rates in Hz, times in s."""
 
     least_sample_rate: Annotated[float, Meta(ge=0.0, le=50.0)] = 3.5
     longest_gap: Positive = 2.0
@@ -236,11 +210,10 @@ class Quality(DocumentPart, frozen=True, kw_only=True):
 
 
 class Start(DocumentPart, frozen=True, kw_only=True):
-    """What must hold before a participant gets the robot; else they wait, and researchers are told.
-
-    `docked`: it is docked, at most `distance` metres and `heading` radians off the pose of the
-    course's station, and knows where it is. `charge` is the least share of the battery's charge; a
-    robot that does not know its charge is taken as it is.
+    """The requirements on the robot before a participant gets it; else the participant waits and
+    the researchers are notified. `docked`: in the course's station, localized, and at most
+    `distance` metres and `heading` radians off its pose. `charge` is the minimum share of the
+    battery; a robot that does not report its charge passes.
     """
 
     docked: bool = True
@@ -250,11 +223,9 @@ class Start(DocumentPart, frozen=True, kw_only=True):
 
 
 class Analysis(DocumentPart, frozen=True, kw_only=True):
-    """What counts in results, and of which kind the intervals of confidence are.
-
-    `drives` is which of several drives of one participant in one condition count; of `all`, values
-    are averaged first. `counts` is which of several responses of one participant counts, among
-    those about drives that count.
+    """What counts in results. `drives`: which drives of one participant in one condition; `all` are
+    averaged. `counts`: which response of one participant, among those about drives that count.
+    `statements` is the questionnaire of the tables of statements.
     """
 
     drives: Literal["first", "last", "all"] = "all"
@@ -264,12 +235,9 @@ class Analysis(DocumentPart, frozen=True, kw_only=True):
 
 
 class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
-    """A whole study. `recruitment` says how participants are found, `compensation` what they get;
-    researchers write and read both. With `turned_away_code`, people who are turned away get a code
-    of their own for the recruitment site. Only people with one of the `devices` and `browsers`
-    (none means any) can begin. `screening` and `answer_quotas` turn away by answers. A
-    participant's drive is private unless `observers_allowed`: then whoever may watch the robot may
-    watch it, too.
+    """A whole study. Participants read neither `recruitment` nor `compensation`. With
+    `turned_away_code`, people who are turned away get a separate completion code. A drive is
+    private unless `observers_allowed`. `devices` and `browsers`: empty for any.
     """
 
     format: Literal[1]
@@ -305,17 +273,11 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     appointments: Appointments | None = None
 
     def condition(self, key: str) -> Condition | None:
-        return next((condition for condition in self.conditions if condition.key == key), None)
+        return next((one for one in self.conditions if one.key == key), None)
 
     def course_of(self, condition: Condition) -> Course | None:
-        return next(
-            (
-                course
-                for course in self.courses
-                if (course.robot, course.site) == (condition.robot, condition.site)
-            ),
-            None,
-        )
+        place = (condition.robot, condition.site)
+        return next((one for one in self.courses if (one.robot, one.site) == place), None)
 
     @property
     def task(self) -> TaskStep | None:
@@ -327,36 +289,34 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
 
     @property
     def tells_condition(self) -> bool:
-        """Whether participants read something that only their condition says."""
+        """Whether participants read something that depends on their condition."""
         return any(step.named_conditions for step in self.steps)
 
     @property
     def reveals_condition(self) -> bool:
         """Whether participants learn something of their condition before any video: from
-        instructions, or because the drive page shows it as soon as the robot is theirs.
+        instructions, or from the drive page when they get the robot.
         """
+        places = {(one.access, one.robot, one.site) for one in self.conditions}
         looks = {
-            (one.access, one.robot, one.site): (one.interface, one.controllers, one.actions)
-            for one in reversed(self.conditions)
-        }
-        return self.tells_condition or any(
-            looks[one.access, one.robot, one.site] != (one.interface, one.controllers, one.actions)
+            (one.access, one.robot, one.site, one.interface, one.controllers, one.actions)
             for one in self.conditions
-        )
+        }
+        return self.tells_condition or len(looks) > len(places)
 
     @property
     def tells_of_operator(self) -> bool:
-        """Whether its debriefing tells of the hidden operator, in every language."""
+        """Whether its debriefing tells of the hidden operator in every language."""
         return all(self.operator_text.get(name, "").strip() for name in self.languages)
 
     @property
     def operator_text(self) -> Text:
-        """What its debriefing tells of the hidden operator; empty in a study without one."""
-        told = [step.operator for step in self.steps if isinstance(step, Debrief)]
-        return told[-1] if told and self.wizard is not None else {}
+        """The debriefing's text about the hidden operator; empty without an operator."""
+        texts = [step.operator for step in self.steps if isinstance(step, Debrief)]
+        return texts[-1] if texts and self.wizard is not None else {}
 
     def wizard_of(self, condition: str) -> Wizard | None:
-        """Return the hidden operator's part in a condition; None where the participant drives."""
+        """Return the hidden operator in a condition; None where the participant drives."""
         wizard = self.wizard
         return wizard if wizard is not None and wizard.drives_in(condition) else None
 
@@ -383,7 +343,7 @@ prepare(StudyDefinition)
 
 
 def as_stored(value: Any) -> Any:
-    """Return a part of a study as JSON has it, with every value, also those of defaults."""
+    """Return a part of a study as JSON has it, including the values of defaults."""
     if isinstance(value, tuple):
         return [as_stored(one) for one in value]
     if not isinstance(value, msgspec.Struct):
@@ -396,19 +356,16 @@ def as_stored(value: Any) -> Any:
 
 
 def to_json(study: StudyDefinition) -> bytes:
-    """Return a study as the JSON that import takes: with every value, indented, fields in the order
-    of the classes.
+    """Return a study as the JSON of export and import: with every value, indented, in the order of
+    the classes.
     """
     return msgspec.json.format(msgspec.json.encode(as_stored(study)), indent=2) + b"\n"
 
 
 def digest(study: StudyDefinition) -> str:
-    """Return the SHA-256 of a study's JSON with every value, sorted keys and no white space. It
-    freezes a published version.
-    """
+    """Return the SHA-256 of a study's JSON with every value, sorted keys and no white space."""
     return sha256(msgspec.json.encode(as_stored(study), order="deterministic")).hexdigest()
 
 
 def from_stored(document: Any) -> StudyDefinition:
-    """Return the study that a database row holds; it was checked when it was stored."""
     return msgspec.convert(document, StudyDefinition)

@@ -1,7 +1,6 @@
-"""The hidden operator of a study ("Wizard of Oz", Kelley 1984; Riek 2012): the script by which
-somebody drives and speaks for the robot, while the participant believes that it acts by itself.
-
-Each step of the script either says a line or makes one move. Metres, radians, m/s, rad/s, seconds.
+"""The hidden operator of a study ("Wizard of Oz", Kelley 1984; Riek 2012), who drives and speaks
+for the robot by a script while the participant believes that it acts by itself. Metres, radians,
+m/s, rad/s, seconds.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,16 +14,16 @@ from surveys.documents import DocumentPart, Key, Problem, ProblemPlace, Text, du
 from surveys.documents import gettext_noop as _
 
 MOST_DRIVE_SECONDS = 10.0
-# These drive by hand on the operator's page.
+# Keys that drive by hand on the operator's page.
 DRIVING_KEYS = frozenset("wasd")
-# A line is sent to the robot's screen with at most as many characters (robots.api.messages.Say).
+# Characters of robots.api.messages.Say.
 LONGEST_LINE = 500
 
 Shortcut = Annotated[str, Meta(pattern=r"^[0-9a-z]?$")]
 
 
 class PlaceMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="place"):
-    """The robot goes to a named place of the site by itself."""
+    """The robot goes to a named place of the site."""
 
     name: PlanKey
 
@@ -38,21 +37,19 @@ class UndockMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class TiltMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="tilt"):
-    """The robot tilts its head; positive looks down."""
+    """The robot tilts its head; positive is down."""
 
     angle: Annotated[float, Meta(ge=-1.6, le=1.6)]
 
 
 class TurnMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="turn"):
-    """The robot turns on the spot; positive is counter-clockwise. Without an angle it turns
-    around.
-    """
+    """The robot turns on the spot, by default around; positive is counter-clockwise."""
 
     angle: Annotated[float, Meta(ge=-3.15, le=3.15)] = 3.14
 
 
 class DriveMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="drive"):
-    """The robot drives at a velocity for some seconds, within the limits of robot and condition."""
+    """The robot drives at a velocity, within the limits of robot and condition."""
 
     linear: Annotated[float, Meta(ge=-2.0, le=2.0)] = 0.0
     angular: Annotated[float, Meta(ge=-3.0, le=3.0)] = 0.0
@@ -71,11 +68,9 @@ NEEDS: Mapping[type, Capability] = {
 
 
 class WizardStep(DocumentPart, frozen=True, kw_only=True):
-    """One button of the operator's page: a `line` that the robot says, aloud or only on its screen,
-    or a `move`.
-
-    `shortcut` is its key. Pressed more than `within` seconds after the step before it, or after the
-    beginning of the session, it is recorded as late.
+    """A button of the operator's page: the robot says a `line` (`aloud`, or only on its screen) or
+    makes a `move`. `shortcut` is its key. It is recorded as late more than `within` seconds after
+    the step before it, or after the start of the session.
     """
 
     key: Key
@@ -88,7 +83,7 @@ class WizardStep(DocumentPart, frozen=True, kw_only=True):
 
 
 class WizardStage(DocumentPart, frozen=True, kw_only=True):
-    """A part of the script, shown under its title."""
+    """A part of the script."""
 
     key: Key
     title: Text
@@ -96,12 +91,10 @@ class WizardStage(DocumentPart, frozen=True, kw_only=True):
 
 
 class Wizard(DocumentPart, frozen=True, kw_only=True):
-    """Who drives is not the participant but a hidden operator.
-
-    `conditions` are those in which it is so; empty: all. With `blind` the operator is never told
-    the condition. `participant_view` shows the operator the cue on the participant's page. With
-    `by_hand` the operator may also drive with the keys. `order` is whether the steps are meant to
-    be done as they are written (`stages`) or as the operator sees fit (`free`).
+    """The hidden operator drives in `conditions` (empty: in all). A `blind` operator is not shown
+    the condition, `participant_view` shows the cue on the participant's page, and `by_hand` lets
+    the operator drive with the keys. `order`: steps in another order than that of the `stages` are
+    deviations, or any order is right (`free`).
     """
 
     conditions: tuple[Key, ...] = ()
@@ -112,32 +105,29 @@ class Wizard(DocumentPart, frozen=True, kw_only=True):
     stages: Annotated[tuple[WizardStage, ...], Meta(max_length=20)] = ()
 
     def drives_in(self, condition: str) -> bool:
-        """Tell whether the operator drives in a condition."""
         return not self.conditions or condition in self.conditions
 
     @property
     def steps(self) -> tuple[WizardStep, ...]:
-        """All steps, in their order."""
         return tuple(step for stage in self.stages for step in stage.steps)
 
 
 def problems(
-    wizard: Wizard, conditions: Sequence[str], languages: Sequence[str], *, told: bool
+    wizard: Wizard, conditions: Sequence[str], languages: Sequence[str], *, is_debriefed: bool
 ) -> Iterator[Problem]:
-    """Yield what is wrong with a script; `told` is whether the debriefing tells of the operator."""
-    if not told:
+    """Yield the problems of a script; `is_debriefed`: the debriefing tells of the operator."""
+    if not is_debriefed:
         words = _(
             "The debriefing must tell participants that an operator drove the robot: add a debrief "
             "step with an `operator` text."
         )
         yield Problem(words, place=ProblemPlace("steps"))
-    place = ProblemPlace("wizard")
-    yield from within(_of_whole(wizard, conditions), place, _("Hidden operator"))
+    found = _of_whole(wizard, conditions)
+    yield from within(found, ProblemPlace("wizard"), _("Hidden operator"))
     for n, stage in enumerate(wizard.stages):
-        place = ProblemPlace("stages", n)
         for step in stage.steps:
             found = _of_step(step, languages)
-            yield from within(found, place, _("Script step"), step.key)
+            yield from within(found, ProblemPlace("stages", n), _("Script step"), step.key)
 
 
 def _of_whole(wizard: Wizard, conditions: Sequence[str]) -> Iterator[Problem]:
@@ -145,8 +135,7 @@ def _of_whole(wizard: Wizard, conditions: Sequence[str]) -> Iterator[Problem]:
         if key not in conditions:
             yield Problem(_("there is no condition %(key)s."), {"key": key})
     if not wizard.steps and not wizard.by_hand:
-        words = _("the script has no step and driving by hand is off: add a step.")
-        yield Problem(words)
+        yield Problem(_("the script has no step and driving by hand is off: add a step."))
     yield from duplicates(_("Stage"), (stage.key for stage in wizard.stages))
     yield from duplicates(_("Step"), (step.key for step in wizard.steps))
     keys = (step.shortcut for step in wizard.steps if step.shortcut)
@@ -168,7 +157,7 @@ def _of_step(step: WizardStep, languages: Sequence[str]) -> Iterator[Problem]:
 def obstacles(
     wizard: Wizard, places: frozenset[str], capabilities: frozenset[str]
 ) -> Iterator[Problem]:
-    """Yield what a robot and its site cannot do of a script."""
+    """Yield the steps of a script that a robot and its site cannot do."""
     for step in wizard.steps:
         if isinstance(step.move, PlaceMove) and step.move.name not in places:
             words = _("the script's step %(key)s goes to %(place)s, which is not a place there.")

@@ -7,7 +7,7 @@ from django.contrib import admin
 from django.http import HttpRequest
 from django.utils.translation import gettext_lazy as _
 
-from experiments.builder.recruitment_labels import ENDING_NAMES
+from experiments.builder.labels import ENDING_NAMES
 from experiments.models import Study
 from surveys.document_forms.fields import language_name
 

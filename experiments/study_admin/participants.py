@@ -20,8 +20,7 @@ from django.views.decorators.cache import never_cache
 from accounts import audit
 from experiments import publishing
 from experiments.access import may
-from experiments.builder.labels import GUIDE
-from experiments.builder.recruitment_labels import ENDING_NAMES
+from experiments.builder.labels import ENDING_NAMES, GUIDE
 from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
 from experiments.models import Drive, Participant, Study, StudyMember
 from experiments.research.study_access import OfStudies

@@ -18,7 +18,7 @@ from django.views.decorators.http import require_safe
 
 from accounts import audit
 from experiments import publishing
-from experiments.builder.recruitment_labels import ENDING_NAMES
+from experiments.builder.labels import ENDING_NAMES
 from experiments.models import Appointment, Study, StudyKey
 from experiments.participation import completion
 from experiments.recruitment import keys, sites

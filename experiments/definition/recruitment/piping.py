@@ -1,9 +1,7 @@
-"""Answers in later texts: `{{questionnaire.item}}` stands for what the participant answered, and
-`{{questionnaire.item|someone}}` says what is written when they gave no answer.
-
-Only text goes in: control characters and line breaks become spaces, long answers are cut, and an
-answer that looks like a placeholder is not filled in again. Templates escape the result like any
-other text, and no stored answer or definition is changed.
+"""Answers in later texts: `{{questionnaire.item}}` is replaced by the participant's answer,
+`{{questionnaire.item|someone}}` by "someone" without one. Control characters and line breaks become
+spaces, long answers are cut, and placeholders in answers are not replaced. Templates escape the
+result like any other text.
 """
 
 import re
@@ -21,7 +19,7 @@ _PIPED = re.compile(r"{{\s*([a-z][a-z0-9-]*)\.([a-z][a-z0-9_]*)\s*(?:\|([^{}|]*)
 
 def filled(text: str, answer: Callable[[str, str], str]) -> str:
     """Return a text with its placeholders filled in by `answer(questionnaire, item)`, which returns
-    an empty text where there is no answer.
+    "" for no answer.
     """
 
     def found(match: re.Match[str]) -> str:
@@ -32,13 +30,12 @@ def filled(text: str, answer: Callable[[str, str], str]) -> str:
 
 
 def has_piping(text: str) -> bool:
-    """Tell whether a text has a placeholder."""
     return _PIPED.search(text) is not None
 
 
 def plain_line(text: str) -> str:
-    """Return a text as one line that can be shown: without control and format characters, which
-    could reverse or hide the words around it.
+    """Return a text as one line, without control and format characters: these could reverse or hide
+    the words around it.
     """
     seen = "".join(" " if unicodedata.category(one)[0] in "CZ" else one for one in text)
     line = " ".join(seen.split())
@@ -46,7 +43,7 @@ def plain_line(text: str) -> str:
 
 
 def piping_problems(steps: Iterable[Any]) -> Iterator[Problem]:
-    """Yield placeholders of a study's steps that name a questionnaire which is not asked before."""
+    """Yield placeholders for questionnaires that no earlier step asks."""
     asked: set[str] = set()
     for step in steps:
         for name, item in sorted(_placeholders(step)):

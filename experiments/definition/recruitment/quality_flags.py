@@ -1,4 +1,4 @@
-"""Quality flags: signs that a participant did not take part as meant.
+"""Quality flags: signs that a participant did not take part as intended.
 
 A flag is graded and excludes no participant by itself. A plan can name flags as rules of exclusion;
 experiments/analysis/quality/ finds them.
@@ -6,24 +6,16 @@ experiments/analysis/quality/ finds them.
 
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Literal, get_args
+from typing import Literal
 
-QualityFlag = Literal[
-    "attention_check",
-    "speeding",
-    "straight_lining",
-    "never_moved",
-    "regular_input",
-    "frozen_video",
-    "same_network",
-    "same_id",
-]
-QUALITY_FLAGS: tuple[QualityFlag, ...] = get_args(QualityFlag)
+AnswerFlag = Literal["attention_check", "speeding", "straight_lining"]
+DrivingFlag = Literal["never_moved", "regular_input", "frozen_video"]
+QualityFlag = Literal[AnswerFlag, DrivingFlag, "same_network", "same_id"]
 
 
 class Grade(IntEnum):
-    """How serious a flag is: 1 happens to attentive participants as well, 2 is worth a look, 3 is
-    hardly compatible with taking part as meant.
+    """1 happens to attentive participants, 2 is worth a look, 3 is hardly compatible with taking
+    part as intended.
     """
 
     NOTE = 1

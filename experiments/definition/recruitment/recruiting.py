@@ -1,6 +1,4 @@
-"""How participants of a study are recruited, screened and invited: the optional parts of a
-definition that deal with people before and after they drive.
-"""
+"""How participants are recruited, screened and invited: optional parts of a definition."""
 
 import re
 from collections.abc import Iterable, Iterator
@@ -11,23 +9,20 @@ from msgspec import Meta
 from surveys.documents import DocumentPart, Key, Problem, Slug
 from surveys.documents import gettext_noop as _
 
-# How taking part ended. `left`: the participant gave up before the robot moved, or withdrew.
+# How taking part ended. `left`: without moving the robot, or withdrawn.
 Ending = Literal["done", "timed_out", "technical_failure", "screened_out", "left"]
 ENDINGS: tuple[Ending, ...] = get_args(Ending)
 RecruitmentSite = Literal["any", "prolific", "mturk", "sona", "cloudresearch", "other"]
 Code = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_-]{0,20}\Z")]
 DeviceKind = Literal["computer", "tablet", "phone"]
 Browser = Literal["Chrome", "Chromium", "Edge", "Firefox", "Opera", "Safari", "Samsung Internet"]
-# What a return address may contain in braces, and how an address with nothing else begins.
 PLACEHOLDERS = ("code", "id", "session")
 _PLACEHOLDER = re.compile(r"{([^{}]*)}")
 _ADDRESS = re.compile(r"https://[A-Za-z0-9.-]+(:\d+)?/[^\s<>\"\\]*\Z")
 
 
 class EndingCodes(DocumentPart, frozen=True, kw_only=True):
-    """The code of each ending. An empty one is made by this site and stays the same in all versions
-    of the study.
-    """
+    """The completion codes; empty ones are generated, and the same in all versions."""
 
     done: Code = ""
     timed_out: Code = ""
@@ -37,10 +32,9 @@ class EndingCodes(DocumentPart, frozen=True, kw_only=True):
 
 
 class Recruiting(DocumentPart, frozen=True, kw_only=True):
-    """Where participants are recruited. The parameter `id_parameter` of the link recognizes them
-    (empty: that of the site), and `return_address` is where they go at the end (empty: that of the
-    site), with {code}, {id} and {session} filled in. Only the endings in `returning` lead there;
-    none means all.
+    """`id_parameter` is the parameter of the link with the participant's id, `return_address` the
+    address at the end, with {code}, {id} and {session} filled in; empty: those of the site. Only
+    the endings in `returning` lead there (empty: all).
     """
 
     site: RecruitmentSite = "any"
@@ -51,8 +45,8 @@ class Recruiting(DocumentPart, frozen=True, kw_only=True):
 
 
 class AnswerRule(DocumentPart, frozen=True, kw_only=True):
-    """An answer that participants need: one of `answers`, or a number within bounds. Any other
-    answer, and none, screens them out.
+    """A required answer: one of `answers`, or a number within bounds. Any other answer, or none,
+    screens the participant out.
     """
 
     questionnaire: Slug
@@ -63,7 +57,7 @@ class AnswerRule(DocumentPart, frozen=True, kw_only=True):
 
 
 class AnswerQuota(DocumentPart, frozen=True, kw_only=True):
-    """At most `most` participants who give one of these answers; later ones are screened out."""
+    """At most `most` participants with one of these answers; later ones are screened out."""
 
     questionnaire: Slug
     item: Key
@@ -72,10 +66,9 @@ class AnswerQuota(DocumentPart, frozen=True, kw_only=True):
 
 
 class Appointments(DocumentPart, frozen=True, kw_only=True):
-    """Participants choose when they drive: one at a time on each robot, `minutes` each, within the
-    study's opening hours and up to `days_ahead` days ahead. A reminder is sent `reminder_hours`
-    before. With `second_after_days`, who has finished a first visit is invited to a second one by
-    e-mail after that many days. With `required`, only participants with an appointment drive.
+    """Participants book when they drive, one at a time on each robot, within the study's opening
+    hours. With `required`, only they drive. `second_after_days`: finished participants are invited
+    to a second session by e-mail.
     """
 
     required: bool = True
@@ -85,11 +78,7 @@ class Appointments(DocumentPart, frozen=True, kw_only=True):
     second_after_days: Annotated[int, Meta(ge=1, le=365)] | None = None
 
 
-# --- problems -------------------------------------------------------------------------------------
-
-
 def recruiting_problems(one: Recruiting) -> Iterator[Problem]:
-    """Yield the problems of a recruitment site."""
     if one.site == "other" and not one.id_parameter:
         yield Problem(_("Enter the parameter of the link that has the participant's id."))
     if one.site in {"other", "sona", "cloudresearch"} and not one.return_address:
@@ -110,7 +99,6 @@ def recruiting_problems(one: Recruiting) -> Iterator[Problem]:
 def screening_problems(
     rules: Iterable[AnswerRule], quotas: Iterable[AnswerQuota], asked: Iterable[str]
 ) -> Iterator[Problem]:
-    """Yield the problems of rules and quotas; `asked` are the study's questionnaires."""
     known = set(asked)
     both: tuple[AnswerRule | AnswerQuota, ...] = (*rules, *quotas)
     for one in both:
@@ -124,8 +112,8 @@ def screening_problems(
 
 
 def admits(rule: AnswerRule, value: Any) -> bool:
-    """Tell whether an answer meets a rule. None is no answer, which meets none; of several choices
-    one must be named. Numbers compare as numbers.
+    """Tell whether an answer meets a rule. No answer (None) meets none; of several choices one must
+    be named. Numbers compare as numbers.
     """
     if value is None:
         return False
@@ -140,11 +128,11 @@ def admits(rule: AnswerRule, value: Any) -> bool:
 
 
 def names_answer(answers: Iterable[str], value: Any) -> bool:
-    """Tell whether answers, as a definition writes them, contain a stored value."""
+    """Tell whether answers of a definition contain a stored value."""
     given = value if isinstance(value, list | tuple) else [value]
     return not {as_text(one) for one in given}.isdisjoint(answers)
 
 
 def as_text(value: Any) -> str:
-    """Return a stored value as a definition writes it: 3 for 3.0."""
+    """Return a stored value as definitions have it: "3" for 3.0."""
     return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)

@@ -180,7 +180,7 @@ def test_settings_that_conditions_share_are_changed_for_all_at_once(client, stud
     assert "shared.assist" not in form_of(client.get(page))
 
 
-def test_what_a_level_sets_cannot_be_changed_on_the_page_of_a_condition(client, study):
+def test_settings_of_a_level_are_fixed_on_the_page_of_a_condition(client, study):
     page = designed(client, study, "assist")
     send(client, page, factors__0__levels__1__sets__assist="steer")
     condition = section(study, "conditions", 1)
@@ -375,8 +375,8 @@ def test_a_script_is_written_without_json(client, study):
         send(client, page, f"add:steps:{kind}")
     assert send(client, page, "add:steps:fly").status_code == 302
     names = {f"steps__{n}__title__en": f"Step {n}" for n in range(7)}
-    said = {"steps__0__line__en": "Hello, I am here.", "steps__0__shortcut": "1"}
-    send(client, page, title__en="Welcome", steps__4__move__angle="17", **names, **said)
+    words = {"steps__0__line__en": "Hello, I am here.", "steps__0__shortcut": "1"}
+    send(client, page, title__en="Welcome", steps__4__move__angle="17", **names, **words)
     (stage,) = stored().wizard.stages
     assert len({step.key for step in stage.steps}) == 7
     assert (stage.steps[0].line, stage.steps[0].move) == ({"en": "Hello, I am here."}, None)
@@ -444,7 +444,7 @@ def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     assert stored() == definition
 
 
-def test_what_cannot_be_kept_is_told_beside_its_field_and_nothing_is_lost(client, study):
+def test_invalid_input_is_an_error_of_its_field_and_no_input_is_lost(client, study):
     answer = send(client, section(study, "steps", 0), minutes="soon", title__en="Drive round")
     assert answer.status_code == 422
     page = read(answer)
@@ -459,33 +459,33 @@ def test_a_half_done_part_is_saved_and_what_is_missing_stands_above_the_form(cli
         send(client, section(study, "conditions", 0), title__en="", controllers=[]).status_code
         == 302
     )
-    told = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
+    found = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
     assert (
         "Condition all_open: there is no controller and no action that sends the robot (places, map"
-        " or follow): nobody could drive." in told
+        " or follow): nobody could drive." in found
     )
-    assert "all_open · Title (English) is missing." in told
+    assert "all_open · Title (English) is missing." in found
 
 
 def test_a_missing_text_is_told_once_for_all_languages_and_by_the_names_of_the_page(client, boss):
     row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
-    told = [e.text for e in read(client.get(section(row, "steps"))).all("li")]
-    assert told.count("Thanks · Text (English, Spanish) is missing.") == 1
-    assert not [text for text in told if "has no text in" in text]
+    found = [e.text for e in read(client.get(section(row, "steps"))).all("li")]
+    assert found.count("Thanks · Text (English, Spanish) is missing.") == 1
+    assert not [text for text in found if "has no text in" in text]
     send(client, section(row, "steps", 0), text__en="You will drive.", text__es="")
     page = read(client.get(section(row, "steps", 0)))
     assert page.text.count("is missing") == 1
     assert "Consent · Text (Spanish) is missing." in page.text
     send(client, section(row, "steps", 2), "add:leaves")
-    told = [e.text for e in read(client.get(section(row, "steps", 2))).all("li")]
-    assert "How it works · Page 1 · Text (English, Spanish) is missing." in told
+    found = [e.text for e in read(client.get(section(row, "steps", 2))).all("li")]
+    assert "How it works · Page 1 · Text (English, Spanish) is missing." in found
 
 
-def test_what_is_wrong_is_told_in_the_language_of_the_page(client, boss):
+def test_problems_are_in_the_language_of_the_page(client, boss):
     row = publishing.store(small_study(), NOW)
     page = read(client.get(section(row, "courses", 0), headers={"Accept-Language": "es"}))
-    told = [e.text for e in page.all("li")]
-    assert "Recorrido por el plano de giraff en cabin: no existe el lugar cabin." in told
+    found = [e.text for e in page.all("li")]
+    assert "Recorrido por el plano de giraff en cabin: no existe el lugar cabin." in found
 
 
 def test_languages_are_chosen_by_their_names(client, study):
@@ -667,7 +667,7 @@ def test_the_course_page_has_the_ground_and_the_way_to_the_check(client, study):
     assert page.all("svg")
 
 
-def test_what_a_course_cannot_reach_is_told_before_it_is_saved(client, study):
+def test_unreachable_checkpoints_are_shown_before_saving(client, study):
     assert check(client, study).json() == {"problems": [], "checkpoints": []}
     wrong = check(client, study, checkpoints__1__x="20").json()
     assert wrong["checkpoints"] == [1]
@@ -689,11 +689,11 @@ def test_a_door_that_is_closed_in_some_condition_is_thought_of(client, study):
         "walls": [*row.plan["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}],
     }
     row.save()
-    told = check(client, study).json()
-    assert told["checkpoints"] == [2]
+    found = check(client, study).json()
+    assert found["checkpoints"] == [2]
     assert (
         "Condition shut: checkpoint 2 cannot be reached from the charging station with door closed."
-        in told["problems"]
+        in found["problems"]
     )
 
 
@@ -717,7 +717,7 @@ def test_a_course_without_a_floor_plan_says_so_and_can_still_be_written(client, 
     assert stored().courses[0].checkpoints[1].x == 2.5
 
 
-def test_nobody_else_may_ask_for_a_check(client, study):
+def test_check_of_a_course_needs_a_role_in_the_study(client, study):
     address = reverse("admin:experiments_study_check", args=[study.pk, "courses", 0])
     assert client.get(address).status_code == 404
     client.force_login(person("eve", is_staff=True))
@@ -735,15 +735,15 @@ def test_every_page_of_the_small_study_is_reached_from_the_others(client, study)
 
 
 def test_a_draft_in_which_somebody_took_part_says_that_it_is_read_as_it_is_now(client, study):
-    said = "Create a new version to keep it separate"
-    assert said not in read(client.get(section(study, "steps"))).text
+    words = "Create a new version to keep it separate"
+    assert words not in read(client.get(section(study, "steps"))).text
     comer(study, person("pilot"), kind=ParticipantKind.PILOT)
-    assert said in read(client.get(section(study, "steps"))).text
+    assert words in read(client.get(section(study, "steps"))).text
     send(client, section(study, "steps", 0), title__en="Drive round")
     assert study.participants.filter(kind=ParticipantKind.PILOT).exists(), "what pilots did is kept"
 
 
-def test_who_writes_a_questionnaire_for_a_step_finds_the_way_back_to_it(client, study):
+def test_questionnaire_editor_links_back_to_the_step(client, study):
     steps = study.as_definition().steps
     n = next(n for n, step in enumerate(steps) if getattr(step, "questionnaire", ""))
     step = section(study, "steps", n)
@@ -765,7 +765,7 @@ def test_who_writes_a_questionnaire_for_a_step_finds_the_way_back_to_it(client, 
     assert ways_back(client.get(about)) == [], "the list led there"
 
 
-def test_what_is_to_do_before_publishing_comes_first_on_the_page_of_a_study(client, boss):
+def test_page_of_a_study_starts_with_tasks_before_publishing(client, boss):
     row = publishing.begin_empty("mine", "My study", ["en"], NOW)
     text = read(client.get(reverse("admin:experiments_study_change", args=[row.pk]))).text
     assert text.index("To do before publishing") < text.index("Link (draft")
@@ -808,7 +808,7 @@ def test_speeds_of_turning_are_shown_in_degrees_and_stay_the_same_number(client,
     assert stored().conditions[0].speed.angular == math.radians(45)
 
 
-def test_what_is_no_angle_is_shown_as_it_was_typed_and_limits_are_in_degrees(client, study):
+def test_invalid_angle_stays_as_typed_and_limits_are_in_degrees(client, study):
     rules = section(study, "rules")
     page = read(send(client, rules, start__heading="fast"))
     assert "This is not a number." in page.text
@@ -887,6 +887,6 @@ def test_robot_that_is_at_another_site_is_listed_with_the_page_of_its_condition(
     other.save()
     Robot.objects.update(floor_plan=other)
     page = read(client.get(reverse("admin:experiments_study_change", args=[study.pk])))
-    told = "Condition shut: there is no giraff at the site cabin."
-    (link,) = [a for a in page.all("a") if a.text == told]
+    found = "Condition shut: there is no giraff at the site cabin."
+    (link,) = [a for a in page.all("a") if a.text == found]
     assert link.attributes["href"] == section(study, "conditions", 1)

@@ -1,4 +1,4 @@
-"""Conditions follow from the factors, and what is done for each condition is repeated."""
+"""Conditions follow from factors, and steps for each condition are repeated."""
 
 import msgspec
 import pytest
@@ -120,12 +120,12 @@ def test_questionnaires_after_the_task_are_repeated_with_it():
     ]
     unsure = msgspec.structs.replace(study, steps=tuple(once))
     assert arranged(unsure, unsure, BLANK).steps == unsure.steps, "what was unticked stays so"
-    (told,) = sentences(doubts(unsure))
-    assert "answer this questionnaire only once" in told
+    (sentence,) = sentences(doubts(unsure))
+    assert "answer this questionnaire only once" in sentence
 
 
 @pytest.mark.parametrize(
-    ("factors", "told"),
+    ("factors", "sentence"),
     [
         (
             [{**DELAY, "changes": []}],
@@ -141,19 +141,19 @@ def test_questionnaires_after_the_task_are_repeated_with_it():
         ),
     ],
 )
-def test_levels_set_exactly_what_their_factor_changes(factors, told):
+def test_levels_set_exactly_what_their_factor_changes(factors, sentence):
     study = msgspec.convert(
         msgspec.to_builtins(small_study()) | {"factors": factors}, StudyDefinition
     )
-    assert any(told in text for text in sentences(problems(study)))
+    assert any(sentence in text for text in sentences(problems(study)))
 
 
 def test_condition_that_differs_from_its_levels_is_a_problem():
     study = with_factors(small_study(), DELAY)
     wrong = msgspec.structs.replace(study.conditions[1], network=BLANK.network)
     study = msgspec.structs.replace(study, conditions=(study.conditions[0], wrong))
-    told = ["Condition shut: it differs from what its levels set: delay of the video."]
-    assert sentences(problems(study)) == told
+    sentence = ["Condition shut: it differs from what its levels set: delay of the video."]
+    assert sentences(problems(study)) == sentence
 
 
 def test_more_cells_than_a_study_may_have_are_refused():

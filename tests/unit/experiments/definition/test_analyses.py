@@ -1,4 +1,4 @@
-"""What is wrong with the analyses that a study declares is told before anybody takes part."""
+"""Problems of declared analyses are found before publishing."""
 
 import pytest
 
@@ -41,7 +41,7 @@ def test_an_analysis_that_makes_sense_is_accepted():
         ({"test": "mixed", "effects": ["delay:help"]}, "there is no factor delay."),
     ],
 )
-def test_what_makes_no_sense_is_told_with_the_analysis(changes, told):
+def test_contradictions_are_problems_of_the_analysis(changes, told):
     found = sentences(problems(small_study(analyses=[{**GOOD, **changes}])))
     assert f"Analysis doors: {told}" in found
 

@@ -45,13 +45,13 @@ def test_the_speed_that_is_left_is_of_the_conditions_own_limit_which_falls_with_
 
 
 def test_a_speed_limit_that_the_robot_never_reaches_is_refused_with_the_robots_own():
-    def said(**speed: float) -> list[str]:
+    def speed_problems(**speed: float) -> list[str]:
         study = small_study(conditions=[{**STUDY["conditions"][0], "speed": speed}])
         giraff = RobotFacts(frozenset(("velocity",)), 0.7, angular=1.2)
         known = Known({"cabin": cabin()}, {"giraff": giraff}, QUESTIONNAIRES)
         return sentences(obstacles(study, known, unreachable))
 
-    assert said(linear=9.0, angular=1.3) == [
+    assert speed_problems(linear=9.0, angular=1.3) == [
         (
             "Condition all_open: the speed limit of 9 m/s is above the top speed of giraff,"
             " 0.7 m/s: lower it, or leave it blank to use the robot's."
@@ -61,7 +61,7 @@ def test_a_speed_limit_that_the_robot_never_reaches_is_refused_with_the_robots_o
             " speed of giraff, 68.75 °/s: lower it, or leave it blank to use the robot's."
         ),
     ]
-    assert said(linear=0.7, angular=1.2) == []
+    assert speed_problems(linear=0.7, angular=1.2) == []
 
 
 def test_video_may_be_delayed_as_far_as_the_sentence_says_and_no_farther():

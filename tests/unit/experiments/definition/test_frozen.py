@@ -71,7 +71,7 @@ def test_release_with_other_defaults_changes_neither_meaning_nor_digest():
     assert (bare.quality.least_sample_rate, bare.start.docked) == (1.0, False)
 
 
-def test_what_is_stored_is_read_as_it_is_written():
+def test_stored_definition_is_read_back_unchanged():
     assert as_stored(from_stored(COMPLETE["definition"])) == COMPLETE["definition"]
     assert digest(from_stored(COMPLETE["definition"])) == COMPLETE["sha256"]
 

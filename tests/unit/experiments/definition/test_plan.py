@@ -11,9 +11,9 @@ from tests.support.analysis.planned import ANALYSES, PLAN, hypothesis, plan_with
 from tests.support.studies.studies import small_study
 
 
-def told(study):
-    said = sentences(problems(study))
-    return [one.removeprefix("Plan: ") for one in said if one.startswith("Plan: ")]
+def plan_problems(study):
+    found = sentences(problems(study))
+    return [one.removeprefix("Plan: ") for one in found if one.startswith("Plan: ")]
 
 
 def with_hypotheses(*found):
@@ -21,7 +21,7 @@ def with_hypotheses(*found):
 
 
 def test_a_good_plan_has_no_problems():
-    assert told(planned_study(PLAN)) == []
+    assert plan_problems(planned_study(PLAN)) == []
 
 
 def test_plan_is_part_of_what_is_frozen():
@@ -89,14 +89,14 @@ def test_plan_is_part_of_what_is_frozen():
     ],
 )
 def test_each_mistake_is_a_sentence(plan, problem):
-    assert told(planned_study(plan)) == [problem]
+    assert plan_problems(planned_study(plan)) == [problem]
 
 
 def test_a_direction_needs_two_sides():
     (driving, answers) = planned_study(None).analyses
     at_once = msgspec.structs.replace(driving, contrasts=())
     study = msgspec.structs.replace(planned_study(PLAN), analyses=(at_once, answers))
-    (problem,) = told(study)
+    (problem,) = plan_problems(study)
     assert problem.startswith("hypothesis h1: it has a direction, but the analysis driving")
 
 
@@ -120,8 +120,8 @@ def crossed(**about):
 
 
 def test_a_direction_needs_a_factor_that_does_not_interact():
-    assert told(crossed(effects=["delay", "help"])) == []
-    (problem,) = told(crossed(effects=["delay", "help", "delay:help"]))
+    assert plan_problems(crossed(effects=["delay", "help"])) == []
+    (problem,) = plan_problems(crossed(effects=["delay", "help", "delay:help"]))
     assert problem == (
         "hypothesis h1: it has a direction, but the effect of delay depends on another factor in"
         " the analysis driving: declare a contrast, or leave out the interaction."
@@ -140,5 +140,5 @@ def test_a_test_decides_on_the_hypotheses_that_name_it():
 
 
 def test_everything_in_a_plan_may_be_left_out():
-    assert told(planned_study({})) == []
+    assert plan_problems(planned_study({})) == []
     assert msgspec.convert({}, StudyPlan).alpha == 0.05

@@ -50,7 +50,7 @@ def test_a_problem_leads_to_the_part_where_it_is_mended(study, place):
     assert place in {one.place for one in problems(study)}
 
 
-def test_what_stands_in_the_way_here_leads_to_it_too():
+def test_obstacles_have_places_as_well():
     nothing = Known({}, {}, frozenset())
     found = [one.place for one in obstacles(small_study(), nothing, unreachable)]
     conditions = [ProblemPlace("conditions", n) for n in (0, 1)]

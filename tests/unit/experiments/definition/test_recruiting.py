@@ -54,7 +54,7 @@ def test_no_choice_of_several_is_no_answer():
         ({"codes": EndingCodes(done="C1", left="C1")}, "paid as completed"),
     ],
 )
-def test_what_is_wrong_with_a_recruitment_site_is_told(fields, words):
+def test_invalid_recruitment_site_has_problems(fields, words):
     found = [one.sentence(str) for one in recruiting_problems(Recruiting(**fields))]
     assert any(words in sentence for sentence in found), found
 

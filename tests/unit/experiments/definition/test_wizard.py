@@ -16,7 +16,7 @@ from tests.support.studies.wizard_study import OPERATOR_TEXT, WIZARD, wizard_stu
 ALL = frozenset({"velocity", "goto", "follow", "dock", "undock", "tilt", "assist", "say"})
 
 
-def told(**wizard):
+def wizard_problems(**wizard):
     return sentences(problems(wizard_study(**wizard)))
 
 
@@ -30,7 +30,7 @@ def step(key="a", **fields):
 
 def test_a_study_with_a_hidden_operator_is_right_and_survives_export_and_import():
     study = wizard_study()
-    assert told() == []
+    assert wizard_problems() == []
     assert parse(to_json(study)) == study
 
 
@@ -64,8 +64,8 @@ def test_it_cannot_be_published_before_the_debriefing_tells_of_the_operator():
         (with_steps(step("a", line={}, move={"kind": "drive", "seconds": 2})), "at no speed"),
     ],
 )
-def test_what_is_wrong_with_a_script_is_said(wizard, problem):
-    found = told(**wizard)
+def test_invalid_script_has_problems(wizard, problem):
+    found = wizard_problems(**wizard)
     assert len(found) == 1
     assert problem in found[0]
 
@@ -78,7 +78,7 @@ def test_a_condition_that_nobody_but_the_operator_drives_needs_no_controller():
     assert not sentences(problems(wizard_study(study={"conditions": alone})))
 
 
-def test_what_robot_and_site_cannot_do_of_a_script_is_said():
+def test_script_steps_beyond_robot_and_site_are_obstacles():
     study = wizard_study(**with_steps(step("a", line={}, move={"kind": "place", "name": "moon"})))
     known = Known(
         {"cabin": cabin()},
