@@ -30,7 +30,8 @@ from experiments.participation import completion
 from experiments.research.notices import mail_to_owner
 from experiments.research.study_access import OfStudies, shown_time, study_for
 from experiments.study_admin import opening_hours
-from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin
+from experiments.study_admin.drives import DriveAdmin
+from experiments.study_admin.participants import ParticipantAdmin
 from experiments.study_admin.people import PeoplePages, made
 from experiments.study_admin.plan import PlanPages
 from experiments.study_admin.publication import PublicationPages
