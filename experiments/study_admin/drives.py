@@ -38,8 +38,6 @@ def _exclusion(row: Drive) -> str:
 
 @admin.register(Drive)
 class DriveAdmin(StudyRows):
-    """Drives: what was assigned, what was applied, and how the task went."""
-
     study = "participant__study"
     study_tab = "drives"
     list_display = (

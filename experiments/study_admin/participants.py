@@ -156,14 +156,12 @@ class ParticipantAdmin(StudyRows):
         driven = Exists(Drive.objects.filter(participant=OuterRef("pk")))
         return rows.annotate(has_driven=driven, visible_id=known)
 
-    def change_view(
-        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
-    ) -> HttpResponse:
+    def change_view(self, request: HttpRequest, object_id: str, *args: Any, **options: Any) -> Any:
         row: Any = self.get_object(request, object_id)
         if row is not None and may(request.user, row.study.slug, "researcher"):
             study, person = row.study.slug, row.user_id
             audit.note("person_opened", actor=request.user, person=person, study=study, thing=row)
-        return super().change_view(request, object_id, form_url, extra_context)
+        return super().change_view(request, object_id, *args, **options)
 
     def get_urls(self) -> list[URLPattern]:
         return [self.row_path(self.withdraw_view, "withdraw"), *super().get_urls()]

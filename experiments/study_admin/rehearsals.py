@@ -10,17 +10,15 @@ from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import redirect, render
 from django.urls import URLPattern, path
 from django.utils import timezone
-from django.utils.translation import get_language, gettext
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.http import require_POST, require_safe
 
-from accounts import audit
-from experiments import publishing
 from experiments.access import Role, may
 from experiments.definition import problems
 from experiments.models import Rehearsal, Study
 from experiments.rehearsal import plan, runs
-from experiments.research.study_access import study_for
+from experiments.research.study_access import note_change, study_for
 from experiments.study_admin.rehearsal_report import issues_of, state_text, tables_of
 from experiments.study_admin.rows import StudyFilter, StudyRows, column
 
@@ -88,8 +86,7 @@ class RehearsalAdmin(StudyRows):
             latest = runs.latest(row)
             key = latest.pk if latest is not None else None
         else:
-            publishing.log(row, request.user, "Rehearsal started.")
-            audit.note("rehearsal_started", actor=request.user, study=row.slug, thing=key)
+            note_change(request, row, "Rehearsal started.", event="rehearsal_started", thing=key)
         if key is None:  # it has been deleted since
             return redirect("admin:experiments_study_change", row.pk)
         return redirect("admin:experiments_rehearsal_change", key)
@@ -98,9 +95,8 @@ class RehearsalAdmin(StudyRows):
         """End a rehearsal; nothing is kept of what its bots did."""
         row = self._row(request, pk, "owner")
         if runs.stop(row.pk, request.user):
-            publishing.log(row.study, request.user, "Rehearsal ended.")
-            audit.note("rehearsal_ended", actor=request.user, study=row.study.slug, thing=row.pk)
-            messages.success(request, gettext("Rehearsal ended."))
+            entry, text = "Rehearsal ended.", gettext("Rehearsal ended.")
+            note_change(request, row.study, entry, text, event="rehearsal_ended", thing=row.pk)
         return redirect("admin:experiments_rehearsal_change", row.pk)
 
     def state_view(self, request: HttpRequest, pk: UUID) -> JsonResponse:
@@ -114,14 +110,12 @@ class RehearsalAdmin(StudyRows):
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}
         return JsonResponse(row.report, headers=headers, json_dumps_params={"indent": 1})
 
-    def change_view(
-        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
-    ) -> HttpResponse:
+    def change_view(self, request: HttpRequest, object_id: str, *args: Any, **options: Any) -> Any:
         row = self.get_object(request, unquote(object_id))
         if row is None or request.method != "GET" or not self.has_view_permission(request, row):
-            return super().change_view(request, object_id, form_url, extra_context)
-        now, language = timezone.now(), get_language() or "en"
-        found, noted = issues_of(row, language)
+            return super().change_view(request, object_id, *args, **options)
+        now = timezone.now()
+        found, noted = issues_of(row)
         context = {
             **self.admin_site.each_context(request),
             "title": gettext("Rehearsal"),
@@ -137,7 +131,7 @@ class RehearsalAdmin(StudyRows):
             "offer": offer_of(row.study),
             "found": found,
             "noted": noted,
-            **tables_of(row, language),
+            **tables_of(row),
         }
         return render(request, "admin/experiments/rehearsal/report.html", context)
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from django.contrib import admin
-from django.db.models import Q
+from django.db.models import Model, Q
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.urls import path
 from django.utils.html import format_html_join
@@ -16,8 +16,9 @@ from django.views.decorators.cache import never_cache
 from experiments.access import may
 from experiments.builder.recruitment_labels import ENDING_NAMES
 from experiments.models import Study
-from experiments.research.study_access import OfStudies
+from experiments.research.study_access import slugs_of
 from robots.admin import NOTHING
+from sessions.admin import ReadOnlyAdmin
 from surveys.document_forms.fields import language_name
 
 
@@ -39,7 +40,6 @@ def by_line(line: str, values: Any) -> SafeString:
 
 
 def section(title: Any, *fields: str) -> tuple[Any, dict[str, Any]]:
-    """Return a fieldset of the administration."""
     return title, {"fields": fields}
 
 
@@ -56,12 +56,11 @@ class StudyFilter(admin.SimpleListFilter):
 
     def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
         """Return the rows of the chosen study; none for an unknown one."""
-        if self.value() is None:
+        chosen = self.value()
+        if chosen is None:
             return queryset
-        known = {choice for choice, _title in self.lookup_choices}
-        return queryset.filter(
-            **{self.lookup: self.value()} if self.value() in known else {"pk": None}
-        )
+        is_known = any(chosen == key for key, _title in self.lookup_choices)
+        return queryset.filter(**{self.lookup: chosen}) if is_known else queryset.none()
 
 
 class StudyOfDriveFilter(StudyFilter):
@@ -123,12 +122,48 @@ class LanguageFilter(NamedValuesFilter):
         return language_name(value)
 
 
+class OfStudies(ReadOnlyAdmin):
+    """Rows of studies, for the members of each by their role, all for superusers. `study` is the
+    lookup that leads to a row's study, empty for studies themselves. Permissions of models count
+    only for new studies.
+    """
+
+    study = ""
+
+    def study_of(self, row: Any) -> Study:
+        for name in filter(None, self.study.split("__")):
+            row = getattr(row, name)
+        found: Study = row
+        return found
+
+    def slug_of(self, row: Any) -> str:
+        return self.study_of(row).slug
+
+    def get_queryset(self, request: HttpRequest) -> Any:
+        rows = super().get_queryset(request)
+        user: Any = request.user
+        if user.is_superuser:
+            return rows
+        lookup = f"{self.study}__slug__in" if self.study else "slug__in"
+        return rows.filter(**{lookup: list(slugs_of(user))})
+
+    def has_module_permission(self, request: HttpRequest) -> bool:
+        """Studies are listed for staff who are members of one, or may add one; superusers may."""
+        user: Any = request.user
+        may_add = user.has_perm("experiments.add_study")
+        return bool(user.is_staff and (may_add or slugs_of(user).exists()))
+
+    def has_view_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
+        if obj is None:
+            return self.has_module_permission(request)
+        return may(request.user, self.slug_of(obj), "viewer")
+
+
 class StudyRows(OfStudies):
     """Rows of a study, with its tabs above them: above a list as soon as a study is chosen."""
 
     study_tab = ""
     list_per_page = 50
-    show_full_result_count = False
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
         try:
@@ -140,9 +175,7 @@ class StudyRows(OfStudies):
         tabs = {"study": study, "study_tab": self.study_tab} if study else {}
         return super().changelist_view(request, {**(extra_context or {}), **tabs})
 
-    def render_change_form(
-        self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
-    ) -> Any:
+    def render_change_form(self, request: Any, context: Any, *args: Any, **options: Any) -> Any:
         study = self.study_of(context["original"])
         context |= {
             "study": study,
