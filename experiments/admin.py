@@ -27,14 +27,16 @@ from experiments.definition.shipped import shipped
 from experiments.models import Participant, ParticipantKind, Study, StudyMember
 from experiments.participation import completion
 from experiments.research.notices import mail_to_owner
-from experiments.research.study_access import OfStudies, shown_time, study_for
+from experiments.research.study_access import shown_time, study_for
 from experiments.study_admin import opening_hours
-from experiments.study_admin.participants import DriveAdmin, ParticipantAdmin
+from experiments.study_admin.drives import DriveAdmin
+from experiments.study_admin.participants import ParticipantAdmin
 from experiments.study_admin.people import PeoplePages, made
 from experiments.study_admin.plan import PlanPages
 from experiments.study_admin.publication import PublicationPages
 from experiments.study_admin.recruitment import RecruitmentPages
 from experiments.study_admin.rehearsals import RehearsalAdmin, offer_of
+from experiments.study_admin.rows import OfStudies
 from experiments.study_admin.walk_through import WalkThroughPages
 from robots.admin_pages.overview import register_section
 from surveys.document_forms.problem_text import sentences

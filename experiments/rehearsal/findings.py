@@ -1,6 +1,7 @@
-"""A rehearsal's findings from the database in which the bots played."""
+"""A rehearsal's findings from the database in which its bots took part."""
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
@@ -12,10 +13,13 @@ from experiments.dataset.counting import counting
 from experiments.dataset.records import COUNTING, Dataset
 from experiments.definition.schema import StudyDefinition
 from experiments.extraction.build import dataset_of
-from experiments.models import Drive, ParticipantKind, Study
-from experiments.rehearsal.replay_check import discrepancies
+from experiments.models import Drive, ParticipantKind, Study, TaskEvent
 from experiments.rehearsal.report import DriveRecord, Findings
+from experiments.tasks.engine import TaskEngine
+from experiments.tasks.finalization import end
+from experiments.tasks.stored_records import offset_of, stored, track_of
 
+TWICE = 0.3  # the share of a drive's records that the check of its replay repeats
 # a bot has no WebRTC that would measure them
 NEVER_FOR_BOTS = frozenset({"loss", "fps", "bitrate", "freezes", "jitter"})
 ALWAYS_RARE = frozenset({"by_map", "by_script", "on_datachannel"})
@@ -34,7 +38,7 @@ def findings(study: Study) -> Findings:
     dataset = counting(dataset_of(study), ("bot",))
     drawn, not_drawn = _draw(dataset)
     different = discrepancies(drives, np.random.default_rng(1))
-    return Findings(records, sorted(_empty(dataset, definition)), drawn, not_drawn, different)
+    return Findings(records, list(_empty(dataset, definition)), drawn, not_drawn, different)
 
 
 def _record(drive: Drive, *, is_practice: bool) -> DriveRecord:
@@ -63,17 +67,16 @@ def _empty(dataset: Dataset, definition: StudyDefinition) -> Iterator[str]:
             for question in questionnaire.questions()
             if question.key not in answered
         )
-    for name, read in (("states", dataset.states), ("network", dataset.network)):
-        yield from (f"{name}.{column}" for column in _without_numbers(dataset, read))
-
-
-def _without_numbers(dataset: Dataset, read: Any) -> list[str]:
-    seen: dict[str, bool] = {}
-    for columns in map(read, (session.id for session in dataset.sessions)):
-        for name in columns.dtype.names:
-            seen[name] = seen.get(name, False) or bool(np.isfinite(columns[name]).any())
-    expected = seen.keys() - NEVER_FOR_BOTS - ALWAYS_RARE
-    return [name for name, has_number in seen.items() if name in expected and not has_number]
+    for table, read in (("states", dataset.states), ("network", dataset.network)):
+        numbers: Counter[str] = Counter()
+        for session in dataset.sessions:
+            columns = read(session.id)
+            numbers.update({name: np.isfinite(columns[name]).sum() for name in columns.dtype.names})
+        yield from (
+            f"{table}.{name}"
+            for name, count in numbers.items()
+            if not count and name not in NEVER_FOR_BOTS | ALWAYS_RARE
+        )
 
 
 def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:
@@ -90,3 +93,30 @@ def _draw(dataset: Dataset) -> tuple[list[str], list[str]]:
         # what numbers can be wrong with; a bug that is none of these is one
         return [], [f"tables and figures, because of {type(error).__name__}: {error}"]
     return [one.name for one in (*report.tables, *report.figures)], []
+
+
+def discrepancies(drives: Iterable[Drive], rng: np.random.Generator) -> list[str]:
+    """Return a sentence for each finalised drive of a task of which a new engine makes something
+    else from its states and inputs, in a random order and some of them twice.
+    """
+    return [sentence for drive in drives if (sentence := _difference(drive, rng))]
+
+
+def _difference(drive: Drive, rng: np.random.Generator) -> str:
+    track = track_of(drive)
+    if track is None or drive.settled_at is None:
+        return ""
+    engine = TaskEngine(track)
+    records = list(stored(drive, offset_of(drive)))
+    records += [record for record in records if rng.random() < TWICE]
+    for index in rng.permutation(len(records)):
+        engine.feed(records[index])
+    end(engine, drive.session)
+    outcome, about = engine.progress.outcome, f"Session {drive.session_id}: a replay"
+    if outcome not in {drive.outcome, None}:
+        return f"{about} ends as {outcome}, but {drive.outcome} is stored."
+    found = [(event.type, event.at, event.data()) for event in engine.events]
+    rows = TaskEvent.objects.filter(drive=drive).order_by("number")
+    if found == list(rows.values_list("type", "stamp", "data")):
+        return ""
+    return f"{about} of its task gives events that differ from the stored ones."

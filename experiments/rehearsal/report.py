@@ -1,8 +1,7 @@
-"""The report on a rehearsal, from the logs of the bots that played a study and from the database.
-Pure.
+"""The report on a rehearsal, from the logs of its bots and from the database. Pure.
 
-Bots read at once, answer at once and drive without hesitating. So the times of people are estimated
-from the words to read, the questions to answer, and the time of the drive by a factor.
+Bots read and answer at once, and drive without hesitating. So the times of people are estimated
+from the words to read, the questions to answer, and the time of a bot's drive.
 """
 
 import math
@@ -10,13 +9,13 @@ import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from itertools import chain
 from typing import Any
 
 from experiments.analysis.power.exact import LARGE, MEDIUM, SMALL, participants_needed
 from experiments.bots.diary import Diary, PageVisit
 from experiments.definition import factors
 from experiments.definition.schema import Condition, StudyDefinition
-from experiments.rehearsal.issues import Issue
 
 # times longer that people drive than bots: the paper's drives took 4 min 34 s on average, a bot's
 # on such a course 2.5 min
@@ -27,12 +26,58 @@ SECONDS_A_QUESTION = 7.0
 SLOWEST = 2.5
 ENOUGH = 1  # drives that must have been completed in each condition
 COMPLETED = "completed"
+gettext_noop = str  # marks a text for the catalogue
+# Each kind of issue and its sentence, which pages translate. Problems prevent publishing.
+PROBLEMS = {
+    "not_completed": gettext_noop("No bot completed the task (drives: %(drives)s)."),
+    "missed": gettext_noop("No bot passed checkpoint %(number)s."),
+    "too_short": gettext_noop(
+        "The slowest bot took %(minutes)s minutes. A limit of %(limit)s minutes is too short for "
+        "people: allow %(allow)s."
+    ),
+    "not_applied": gettext_noop("A setting was not applied as assigned: %(what)s."),
+    "no_task": gettext_noop("There is no task to drive."),
+    "stuck": gettext_noop("Bot %(bot)s got stuck: %(where)s."),
+    "no_code": gettext_noop("Bot %(bot)s finished the study but got no completion code."),
+    "not_drawn": gettext_noop("Not drawn: %(what)s."),
+    "differs": gettext_noop("A drive was not recorded as it happened. %(what)s"),
+}
+NOTES = {
+    "empty": gettext_noop("No bot gave a value for %(column)s."),
+    "unseen_door": gettext_noop("No bot came to %(door)s, which is closed."),
+}
+
+
+@dataclass(frozen=True)
+class Issue:
+    """An issue: its kind, the values in its sentence, and the key of its condition, if any. `place`
+    is the heading of the page where it is corrected.
+    """
+
+    kind: str
+    values: dict[str, Any] = field(default_factory=dict)
+    condition: str = ""
+    place: str = ""
+
+    @property
+    def is_problem(self) -> bool:
+        return self.kind in PROBLEMS
+
+    @property
+    def template(self) -> str:
+        """The sentence without its values, so that it can be translated."""
+        return (PROBLEMS | NOTES)[self.kind]
+
+    def sentence(self) -> str:
+        """Return the sentence in English, for the command."""
+        sentence = self.template % self.values
+        return f"Condition {self.condition}: {sentence}" if self.condition else sentence
 
 
 @dataclass
 class ConditionReport:
-    """One condition: its drives, the checkpoints that no bot passed, the bots' seconds, and the
-    minutes that people will need.
+    """A condition: its drives, the checkpoints that no bot passed (`missed`), the seconds of the
+    bots, and the minutes that people will need.
     """
 
     key: str
@@ -51,7 +96,7 @@ class ConditionReport:
 
 @dataclass
 class StepReport:
-    """One page of the study, by its heading: how many bots saw it, the numbers of its words and
+    """A page of the study, by its heading: how many bots saw it, the numbers of its words and
     questions, the minutes that people will take, and whether it `drives` the robot.
     """
 
@@ -65,9 +110,7 @@ class StepReport:
 
 @dataclass
 class RehearsalReport:
-    """All of it. `problems` prevent publishing, `notes` do not; each is one sentence, and `issues`
-    has all of them in the order in which they were found.
-    """
+    """All of it. `problems` prevent publishing, `notes` do not: the sentences of `issues`."""
 
     bots: int
     passed: bool = False
@@ -87,9 +130,7 @@ class RehearsalReport:
 
 @dataclass(frozen=True)
 class DriveRecord:
-    """A bot's drive in the database; `mismatches` are the settings that were not applied as
-    assigned.
-    """
+    """A bot's drive in the database; `mismatches` are settings not applied as assigned."""
 
     condition: str
     outcome: str = ""
@@ -101,9 +142,9 @@ class DriveRecord:
 
 @dataclass(frozen=True)
 class Findings:
-    """Everything but the bots' logs: drives by session, columns without a value, the names of
-    tables and figures that were drawn, and why others were not. `discrepancies` are sentences on
-    drives whose stored records give another result than the stored one (replay_check.py).
+    """What the database has: drives by session, columns without a value, the names of tables and
+    figures that were drawn, and why others were not. `discrepancies` are sentences on drives whose
+    stored records give another result than the stored one.
     """
 
     records: Mapping[str, DriveRecord] = field(default_factory=dict)
@@ -116,13 +157,17 @@ class Findings:
 def judge(study: StudyDefinition, diaries: Sequence[Diary], found: Findings) -> RehearsalReport:
     conditions = [_condition(study, one, diaries, found) for one in study.conditions]
     issues = [
-        *(issue for one in conditions for issue in _problems_of(one)),
+        *chain.from_iterable(map(_problems_of, conditions)),
         *([Issue("no_task")] if study.task is None else []),
         *_stuck(diaries),
         *(Issue("not_drawn", {"what": name}) for name in found.not_drawn),
         *(Issue("differs", {"what": sentence}) for sentence in found.discrepancies),
         *(Issue("empty", {"column": name}) for name in sorted(found.empty_columns)),
-        *(issue for one in conditions for issue in _unseen_doors(one)),
+        *(
+            Issue("unseen_door", {"door": name}, one.key)
+            for one in conditions
+            for name in sorted(set(one.doors_closed) - set(one.doors_found_closed))
+        ),
     ]
     problems = [one.sentence() for one in issues if one.is_problem]
     return RehearsalReport(
@@ -198,9 +243,7 @@ def _minutes(words: int, questions: int) -> float:
 def _whole(
     diaries: Sequence[Diary], conditions: Sequence[ConditionReport], study: StudyDefinition
 ) -> float:
-    """Return the minutes that a person needs from the link to the code: the median of the bots'
-    pages, and the drives.
-    """
+    """Return the minutes that a person needs from the link to the code."""
     through = [diary for diary in diaries if diary.code and diary.ending == "completes"]
     if not through:
         return 0.0
@@ -218,14 +261,11 @@ def _power(study: StudyDefinition) -> list[dict[str, float]]:
     groups = max(Counter(one.access for one in study.conditions).values(), default=0)
     if groups < 2:
         return []
-    needs = (
-        participants_needed(effect, study.allocation.design, groups=groups)
-        for effect in (SMALL, MEDIUM, LARGE)
-    )
+    design = study.allocation.design
     return [
         {"effect": need.effect, "per_group": need.per_group, "total": need.total}
-        for need in needs
-        if need is not None
+        for effect in (SMALL, MEDIUM, LARGE)
+        if (need := participants_needed(effect, design, groups=groups)) is not None
     ]
 
 
@@ -242,11 +282,6 @@ def _problems_of(one: ConditionReport) -> Iterator[Issue]:
         }
         yield Issue("too_short", values, one.key)
     yield from (Issue("not_applied", {"what": name}, one.key) for name in one.mismatches)
-
-
-def _unseen_doors(one: ConditionReport) -> Iterator[Issue]:
-    for name in sorted(set(one.doors_closed) - set(one.doors_found_closed)):
-        yield Issue("unseen_door", {"door": name}, one.key)
 
 
 def _stuck(diaries: Sequence[Diary]) -> Iterator[Issue]:

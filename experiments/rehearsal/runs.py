@@ -1,9 +1,9 @@
 """The rows of rehearsals: one at a time for a study, run by the process that takes it, on any
 computer.
 
-The row is all that the pages and the process share. The process signs it every few seconds; a row
-that was not signed for a while has lost its process, and is replaced by the next one. To end a
-rehearsal, its row is changed, which its process finds when it signs.
+The pages and the process share only the row. The process signs it every few seconds; a row that
+was not signed for a while has lost its process, and the next one replaces it. To end a rehearsal, a
+page changes its row; the process notices this when it signs.
 """
 
 import datetime
@@ -28,7 +28,6 @@ class AlreadyRehearsedError(RuntimeError):
 
 
 def is_lost(row: Rehearsal, now: datetime.datetime) -> bool:
-    """Tell whether the process of a running rehearsal is gone."""
     return row.status == Status.RUNNING and row.seen_at is not None and row.seen_at < now - SILENT
 
 

@@ -1,9 +1,9 @@
-"""Reports that the analysis pages show: computed by a process of their own, because that may take
-minutes, and kept as long as they say what the database says.
+"""Reports that the analysis pages show: each computed by a process of its own, because that may
+take minutes, and used as long as the data in the database are the same.
 
-A report is known by a hash of everything in the database that it could depend on. In the folder of
-a study's reports, `<key>/` is a report, complete once its sums are there, and `<key>.log` is what
-the process that computes it has printed: lines of its progress, and at last why it failed.
+The key of a report is a hash of all data that it could depend on. In the folder of a study's
+reports, `<key>/` is a report, complete once its sums are there, and `<key>.log` is what the process
+that computes it has printed: lines of its progress, and at last why it failed.
 """
 
 import datetime
@@ -34,9 +34,9 @@ from experiments.models import Drive, Participant, StepVisit, Study
 from sessions.models import StateChunk
 from surveys.models import Questionnaire, Response
 
-STALE_SECONDS = 120.0  # a process that has printed nothing for so long is gone
+STALE_SECONDS = 120.0  # without output: the process is gone
 KEPT = 6  # reports a study
-_started: dict[Path, "subprocess.Popen[bytes]"] = {}  # by log: those that this process started
+_started: dict[Path, "subprocess.Popen[bytes]"] = {}  # children of this process, by their log
 
 
 class NotComputedError(RuntimeError):
@@ -45,7 +45,7 @@ class NotComputedError(RuntimeError):
 
 @dataclass(frozen=True)
 class Computing:
-    """A report that is being computed; there is no progress before its process has begun."""
+    """A report that is being computed; without progress until its process has begun."""
 
     key: str
     progress: ReportProgress | None = None
@@ -60,55 +60,37 @@ class Stored:
 
     @property
     def computed_at(self) -> datetime.datetime:
-        """When it was made."""
         return datetime.datetime.fromtimestamp(
             (self.folder / "SHA256SUMS").stat().st_mtime, datetime.UTC
         )
 
     @property
     def selections(self) -> tuple[str, ...]:
-        """The drives that count, and the sensitivity analysis where something is excluded."""
+        """Those that count, and all drives (a sensitivity analysis) where some are excluded."""
         return tuple(name for name in (COUNTING, EVERY) if (self.folder / name).is_dir())
 
     def read(self, selection: str, name: str) -> Any:
-        """Return a file of the page (experiments/analysis/page.py)."""
-        return json.loads(
-            (self.folder / selection / PAGE / f"{name}.json").read_text(encoding="utf-8")
-        )
+        path = self.folder / selection / PAGE / f"{name}.json"
+        return json.loads(path.read_text(encoding="utf-8"))
 
 
 def key_of(study: Study, kinds: Sequence[Kind]) -> str:
-    """Return the hash of all that a report depends on: nothing that it shows can change without one
-    of these changing.
-    """
+    """Return a hash that differs whenever anything differs that a report shows."""
     people = Participant.objects.filter(study=study).order_by("pk")
     drives = Drive.objects.filter(participant__study=study).order_by("pk")
     definition = study.as_definition()
     answers = Response.objects.filter(user__participations__study=study).order_by("pk").distinct()
+    of_people = ("pk", "kind", "status", "stage", "cell", "step", "age", "completion")
+    of_drives = ("pk", "outcome", "settled_at", "excluded_reason")
+    of_sessions = ("session__ended_at", "session__closed_at", "session__outcome")
+    chunks = StateChunk.objects.filter(session__drive__participant__study=study)
+    visits = StepVisit.objects.filter(participant__study=study)
     about = (
-        list(
-            people.values_list("pk", "kind", "status", "stage", "cell", "step", "age", "completion")
-        ),
-        list(
-            drives.values_list(
-                "pk",
-                "outcome",
-                "settled_at",
-                "excluded_reason",
-                "session__ended_at",
-                "session__closed_at",
-                "session__outcome",
-            )
-        ),
+        list(people.values_list(*of_people)),
+        list(drives.values_list(*of_drives, *of_sessions)),
         list(answers.values_list("pk", "seen_at", "finished_at")),
-        StateChunk.objects.filter(
-            session__drive__participant__study=study, session__closed_at=None
-        ).count(),
-        list(
-            StepVisit.objects.filter(participant__study=study)
-            .aggregate(n=Count("pk"), began=Max("began_at"), ended=Max("finished_at"))
-            .items()
-        ),
+        chunks.filter(session__closed_at=None).count(),
+        list(visits.aggregate(Count("pk"), Max("began_at"), Max("finished_at")).values()),
         list(Questionnaire.objects.order_by("pk").values_list("pk", "sha256")),
         robots_of(definition, drives.values_list("session__robot__name", flat=True)),
         plans_of(definition),
@@ -118,49 +100,44 @@ def key_of(study: Study, kinds: Sequence[Kind]) -> str:
 
 
 def found(study: Study, key: str) -> Stored | None:
-    """Return a report that is there."""
     folder = home(study) / key
     return Stored(key, folder) if key.isalnum() and (folder / "SHA256SUMS").is_file() else None
 
 
 def report_for(study: Study, kinds: Sequence[Kind], followed: str = "") -> Stored | Computing:
-    """Return the report on what is in the database now, or how far its computation is, which is
-    started if need be. A page that shows or waits for a report already names it by its key
-    (`followed`), so that it does not change while participants take part.
+    """Return the report on the present data, or the progress of its computation, which is started
+    if necessary. A page that shows or waits for a report names its key (`followed`), so that it
+    does not change while participants take part.
 
     Raises:
         NotComputedError: it could not be computed; the next call tries again.
     """
-    if followed.isalnum():
-        known = _finished(study, followed) or _computing(study, followed)
-        if known is not None:
-            return known
+    if followed.isalnum() and (known := _known(study, followed)):
+        return known
     key = key_of(study, kinds)
-    return _finished(study, key) or _computing(study, key) or _start(study, key, kinds)
+    return _known(study, key) or _start(study, key, kinds)
 
 
-def _finished(study: Study, key: str) -> Stored | None:
-    there = found(study, key)
-    if there is not None:
-        _drop(home(study) / f"{key}.log")
-    return there
-
-
-def _computing(study: Study, key: str) -> Computing | Stored | None:
+def _known(study: Study, key: str) -> Computing | Stored | None:
     log = home(study) / f"{key}.log"
+    if stored := found(study, key):
+        _drop(log)
+        return stored
     try:
         lines, last = log.read_text().splitlines(), log.stat().st_mtime
     except FileNotFoundError:
         return None
     process = _started.get(log)
     is_over = process.poll() is not None if process else time.time() - last > STALE_SECONDS
-    told = [line for line in lines if line[:1] + line[-1:] == "{}"]
+    progress = [line for line in lines if line[:1] + line[-1:] == "{}"]
+    if not is_over and progress:
+        return Computing(key, msgspec.json.decode(progress[-1], type=ReportProgress))
     if not is_over:
-        return Computing(key, msgspec.json.decode(told[-1], type=ReportProgress) if told else None)
+        return Computing(key)
     _drop(log)
-    if there := found(study, key):  # it has finished since the caller looked
-        return there
-    errors = [line for line in lines if line not in told]
+    if stored := found(study, key):  # it has finished since the first look
+        return stored
+    errors = [line for line in lines if line not in progress]
     raise NotComputedError(errors[-1] if errors else "The computation was interrupted.")
 
 
@@ -192,18 +169,18 @@ def _start(study: Study, key: str, kinds: Sequence[Kind]) -> Computing:
 
 
 def command(*words: str) -> list[str]:
-    """Return the words by which a command of the site is run, at low priority where the system
-    knows that.
-    """
-    polite = [nice, "-n", "10"] if (nice := shutil.which("nice")) else []
-    return [*polite, sys.executable, str(Path(settings.BASE_DIR) / "manage.py"), *words]
+    """Return the words that run a command of the site, at low priority where there is `nice`."""
+    nice = shutil.which("nice")
+    manage = [sys.executable, str(settings.BASE_DIR / "manage.py"), *words]
+    return [nice, "-n", "10", *manage] if nice else manage
 
 
 def environment() -> dict[str, str]:
-    """Return the environment in which a command sees the same database as this process."""
-    own = connection.settings_dict
-    same = {"DATABASE_URL": f"sqlite:///{own['NAME']}"} if connection.vendor == "sqlite" else {}
-    return os.environ | {"VAR_DIR": str(settings.VAR_DIR)} | same
+    """Return the environment in which a command uses the same database as this process."""
+    variables = {"VAR_DIR": str(settings.VAR_DIR)}
+    if connection.vendor == "sqlite":
+        variables["DATABASE_URL"] = f"sqlite:///{connection.settings_dict['NAME']}"
+    return os.environ | variables
 
 
 def _forget_old(study: Study) -> None:

@@ -14,8 +14,8 @@ from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.urls import reverse
 from django.utils import timezone
-from django.utils.translation import get_language, ngettext
 from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import ensure_csrf_cookie
 from django.views.decorators.gzip import gzip_page
@@ -35,14 +35,12 @@ from experiments.coding.study_agreement import agreement_of
 from experiments.definition.coding import CodingScheme
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Coding, CodingSchemeVersion, Drive, Participant, Study
-from experiments.research import live
-from experiments.research.coding_tables import shown
-from experiments.research.replay import blinded, replay
-from robots.floorplans import plan_content
+from experiments.research import coding_tables, live
+from experiments.research.replay import blinded, player_config, replay
+from experiments.research.study_access import MAX_DIGITS, version_of
 
 SAVES, FILES = Attempts("coding-save", limit=240), Attempts("coding-file", limit=30)
 ROWS_A_PAGE = 100
-MAX_DIGITS = 9  # of a version
 MAX_FILE = 5 * 1024 * 1024
 EVENT_FIELDS = ("version", "code", "begin", "end", "modifiers", "comment")
 
@@ -52,67 +50,48 @@ EVENT_FIELDS = ("version", "code", "begin", "end", "modifiers", "comment")
 @never_cache
 @require_safe
 def study_page(request: HttpRequest, slug: str) -> HttpResponse:
-    study, is_coder = _study(request, slug)
-    scheme = store.scheme_of(study, timezone.now())
-    # A coder sees only the sessions that they coded.
-    only = None if may(request.user, slug, "viewer") else request.user
-    page = None
+    is_coder, is_viewer = may_code(request.user, slug), may(request.user, slug, "viewer")
+    if not (is_coder or is_viewer):
+        raise Http404
+    study = version_of(slug, request.GET.get("version", ""))
+    scheme, page, agreement = store.scheme_of(study, timezone.now()), None, None
+    if scheme is not None:
+        # a coder sees the agreement on sessions that they coded
+        found = agreement_of(scheme, None if is_viewer else request.user)
+        agreement = coding_tables.shown(found, scheme)
     if scheme is not None and is_coder:
-        found = Paginator(_drives(study), ROWS_A_PAGE)
-        page = found.get_page(request.GET.get("page"))
-        page.object_list = _rows(page.object_list, study, scheme, request.user)
+        drives = (
+            Drive.objects.filter(participant__study=study, session__ended_at__isnull=False)
+            .exclude(participant__status=Participant.Status.WITHDRAWN)
+            .select_related("session")
+            .order_by("granted_at", "pk")
+        )
+        page = Paginator(drives, ROWS_A_PAGE).get_page(request.GET.get("page"))
+        page.object_list = _rows(list(page.object_list), study, scheme, request.user)
     context = {
         "study": study,
         "versions": Study.objects.filter(slug=slug).order_by("-version"),
         "scheme": scheme,
         "definition": store.read_scheme(scheme) if scheme else None,
         "page": page,
-        "is_coder": is_coder,
         "may_upload": may(request.user, slug, "researcher"),
-        "agreement": shown(agreement_of(scheme, only), scheme) if scheme else None,
+        "agreement": agreement,
     }
     return render(request, "experiments/coding/study.html", context)
 
 
-def _study(request: HttpRequest, slug: str) -> tuple[Study, bool]:
-    """Return the requested version of a study, and whether the user may code it.
-
-    Raises:
-        Http404: there is none, or it is not for this user.
-    """
-    is_coder = may_code(request.user, slug)
-    versions = Study.objects.filter(slug=slug).order_by("-version")
-    wanted = request.GET.get("version", "") or request.POST.get("version", "")
-    if wanted.isdecimal() and len(wanted) < MAX_DIGITS:
-        versions = versions.filter(version=wanted)
-    study = versions.exclude(status=Study.Status.DRAFT).first() or versions.first()
-    if study is None or not (is_coder or may(request.user, slug, "viewer")):
-        raise Http404
-    return study, is_coder
-
-
-def _drives(study: Study) -> Any:
-    return (
-        Drive.objects.filter(participant__study=study, session__ended_at__isnull=False)
-        .exclude(participant__status=Participant.Status.WITHDRAWN)
-        .select_related("session")
-        .order_by("granted_at", "pk")
-    )
-
-
 def _rows(
-    drives: Any, study: Study, scheme: CodingSchemeVersion, user: Any
+    drives: list[Drive], study: Study, scheme: CodingSchemeVersion, user: Any
 ) -> list[dict[str, Any]]:
-    drives = list(drives)
     names, definition = Pseudonyms(study.secret), study.as_definition()
-    is_blind, language = store.read_scheme(scheme).blind, get_language() or "en"
+    is_blind = store.read_scheme(scheme).blind
     codings: dict[uuid.UUID, list[Coding]] = {drive.session_id: [] for drive in drives}
     for coding in Coding.objects.filter(scheme=scheme, session__in=codings):
         codings[coding.session_id].append(coding)
     rows = []
     for drive in drives:
         of_session = codings[drive.session_id]
-        condition = live.condition_title(definition, drive.condition, language)
+        condition = live.condition_title(definition, drive.condition)
         rows.append(
             {
                 "session": drive.session_id,
@@ -130,8 +109,7 @@ def _rows(
 @limited(FILES)
 @for_role("researcher")
 def upload_scheme(request: HttpRequest, slug: str) -> HttpResponse:
-    """Make the scheme of a file the newest of a study."""
-    study, _is_coder = _study(request, slug)
+    study = version_of(slug, request.POST.get("version", ""))
     file = request.FILES.get("file")
     try:
         scheme = scheme_in(file.read(MAX_FILE) if file is not None else b"")
@@ -156,7 +134,7 @@ def _study_address(study: Study) -> str:
 # --- a session ------------------------------------------------------------------------------------
 
 
-def _asked(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchemeVersion]:
+def _session_to_code(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchemeVersion]:
     """Return the drive of a session and the scheme by which it is coded: the newest, or the one
     that `scheme` names, with which a page was opened earlier.
 
@@ -178,17 +156,11 @@ def _asked(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchem
 @require_safe
 @ensure_csrf_cookie
 def code_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Show a session again, to be coded."""
-    drive, row = _asked(request, session)
+    drive, row = _session_to_code(request, session)
     study, scheme = drive.participant.study, store.read_scheme(row)
-    audit.note(
-        "session_coded",
-        actor=request.user,
-        person=drive.session.visitor_id,
-        study=study.slug,
-        thing=drive.session,
-    )
-    condition = live.condition_title(study.as_definition(), drive.condition, get_language() or "en")
+    condition = live.condition_title(study.as_definition(), drive.condition)
+    user, visitor, thing = request.user, drive.session.visitor_id, drive.session
+    audit.note("session_coded", actor=user, person=visitor, study=study.slug, thing=thing)
     context = {
         "session": drive.session,
         "drive": drive,
@@ -204,31 +176,23 @@ def code_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
 def _config(
     request: HttpRequest, drive: Drive, row: CodingSchemeVersion, scheme: CodingScheme
 ) -> dict[str, Any]:
-    session, robot = drive.session_id, drive.session.robot
-    addresses = {
-        name: f"{reverse(f'coding_{name}', args=[session])}?scheme={row.version}"
-        for name in ("events", "save", "done")
+    session = drive.session_id
+    coding = {
+        "codes": [
+            asdict(code) | {"modifiers": [asdict(one) for one in code.modifiers]}
+            for code in scheme.codes
+        ],
+        # the name under which a browser keeps changes that were not saved yet
+        "kept": f"coding:{request.user.pk}:{row.pk}:{session}",
+        **_answer(store.coding_of(session, row, request.user)),
     }
-    return {
-        "data": reverse("coding_record", args=[session]),
-        "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
-        "footprint": (robot.presence.factsheet or {}).get("footprint", []),
-        "photos": [],
-        "coding": {
-            "codes": [
-                asdict(code) | {"modifiers": [asdict(one) for one in code.modifiers]}
-                for code in scheme.codes
-            ],
-            **addresses,
-            # the name under which a browser keeps changes that were not saved yet
-            "kept": f"coding:{request.user.pk}:{row.pk}:{session}",
-            **_answer(store.coding_of(session, row, request.user)),
-        },
-    }
+    for name in ("events", "save", "done"):
+        coding[name] = f"{reverse(f'coding_{name}', args=[session])}?scheme={row.version}"
+    data = reverse("coding_record", args=[session])
+    return player_config(drive.session, data, []) | {"coding": coding}
 
 
 def _answer(coding: Coding | None) -> dict[str, Any]:
-    """Return a coder's events as the page has them."""
     return {
         "isDone": coding is not None and coding.done_at is not None,
         "isShown": coding is not None and store.is_revealed(coding.session_id, coding.scheme),
@@ -243,8 +207,8 @@ def _answer(coding: Coding | None) -> dict[str, Any]:
 @require_safe
 @gzip_page
 def record(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Answer with the record of a session; a blind coder gets what does not tell the condition."""
-    drive, row = _asked(request, session)
+    """Answer with the record of a session; a blind coder's has nothing that tells the condition."""
+    drive, row = _session_to_code(request, session)
     found = replay(drive.session, drive)
     shown = blinded(found) if store.read_scheme(row).blind else found
     return HttpResponse(msgspec.json.encode(shown), content_type="application/json")
@@ -253,35 +217,35 @@ def record(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
 @never_cache
 @require_GET
 def events(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    _drive, row = _asked(request, session)
+    _drive, row = _session_to_code(request, session)
     return JsonResponse(_answer(store.coding_of(session, row, request.user)))
 
 
 @require_POST
 @limited(SAVES, json=True)
 def save(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    """Store changes of events, and answer with all of them; what is refused says why."""
-    drive, row = _asked(request, session)
+    """Store changes of events; answer with all events, and why changes were refused."""
+    drive, row = _session_to_code(request, session)
     try:
         edits = msgspec.json.decode(request.body, type=store.EventEdits).edits
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         return JsonResponse({"problem": str(error)[:200]}, status=400)
     now = timezone.now()
     try:
-        coding = store.begin(drive, row, request.user, now)
-        saved = store.save(coding, edits, now)
+        saved = store.save(store.begin(drive, row, request.user, now), edits, now)
+        found, status = {"conflicts": saved.conflicts, "refused": saved.refused}, 200
     except BadCodingError as error:
-        own = store.coding_of(session, row, request.user)
-        return JsonResponse({"problem": str(error), **_answer(own)}, status=409)
-    return JsonResponse({"conflicts": saved.conflicts, "refused": saved.refused, **_answer(coding)})
+        found, status = {"problem": str(error)}, 409
+    own = store.coding_of(session, row, request.user)
+    return JsonResponse(found | _answer(own), status=status)
 
 
 @require_POST
 @limited(SAVES, json=True)
 def done(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    """Mark the coder's coding as done, or with `again` take that back."""
-    drive, row = _asked(request, session)
-    now = timezone.now()
+    """Mark the coder's coding as done, or with `again` as not done."""
+    drive, row = _session_to_code(request, session)
+    now, found, status = timezone.now(), {}, 200
     coding = store.begin(drive, row, request.user, now)
     try:
         if request.POST.get("again"):
@@ -289,8 +253,9 @@ def done(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
         else:
             store.finish(coding, _duration(drive), now)
     except BadCodingError as error:
-        return JsonResponse({"problem": str(error), **_answer(coding)}, status=409)
-    return JsonResponse(_answer(store.coding_of(session, row, request.user)))
+        found, status = {"problem": str(error)}, 409
+    own = store.coding_of(session, row, request.user)
+    return JsonResponse(found | _answer(own), status=status)
 
 
 def _duration(drive: Drive) -> float:
@@ -305,7 +270,7 @@ def _duration(drive: Drive) -> float:
 @limited(FILES, reading=True)
 def download(request: HttpRequest, session: uuid.UUID, kind: str) -> HttpResponse:
     """Answer with the coder's own coding as a file of ELAN or of BORIS."""
-    drive, row = _asked(request, session)
+    drive, row = _session_to_code(request, session)
     coding = store.coding_of(session, row, request.user)
     name = Pseudonyms(drive.participant.study.secret).session(session)
     try:
@@ -316,22 +281,20 @@ def download(request: HttpRequest, session: uuid.UUID, kind: str) -> HttpRespons
     codes, who = store.read_scheme(row).codes, f"C{coding.number}" if coding is not None else "C"
     date = timezone.now()
     if kind == "eaf":
+        content_type = "application/xml"
         body = to_eaf(codes, found, who, date.isoformat(timespec="seconds"))
     else:
-        observations = {f"{name} {who}": found}
-        body = to_boris(codes, observations, name, date.strftime("%Y-%m-%dT%H:%M:%S"))
-    return HttpResponse(
-        body,
-        content_type="application/xml" if kind == "eaf" else "application/json",
-        headers={"Content-Disposition": f'attachment; filename="{name}-{who}.{kind}"'},
-    )
+        content_type = "application/json"
+        body = to_boris(codes, {f"{name} {who}": found}, name, f"{date:%Y-%m-%dT%H:%M:%S}")
+    headers = {"Content-Disposition": f'attachment; filename="{name}-{who}.{kind}"'}
+    return HttpResponse(body, content_type=content_type, headers=headers)
 
 
 @require_POST
 @limited(FILES)
 def upload(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
     """Put the events of a file into the coder's coding, in place of those that it has."""
-    drive, row = _asked(request, session)
+    drive, row = _session_to_code(request, session)
     file = request.FILES.get("file")
     scheme, now = store.read_scheme(row), timezone.now()
     try:

@@ -18,14 +18,9 @@ LEFT_OUT = frozenset(
 )
 LONGEST = 160
 UNITS = {
-    "seconds": "s",
-    "latency": "s",
-    "remaining": "s",
+    **dict.fromkeys(("seconds", "latency", "remaining"), "s"),
+    **dict.fromkeys(("width", "height", "screen_width", "screen_height"), "px"),
     "minutes": "min",
-    "width": "px",
-    "height": "px",
-    "screen_width": "px",
-    "screen_height": "px",
 }
 # Fields whose values need no name.
 PLAIN = frozenset(
@@ -126,7 +121,6 @@ _KEY = re.compile(r"[A-Za-z0-9]+([_.-][A-Za-z0-9]+)+")
 
 
 def in_words(data: Mapping[str, Any]) -> str:
-    """Return the data of an event in one line."""
     return " · ".join(part for part in _parts(data) if part)[:LONGEST]
 
 
@@ -162,14 +156,12 @@ def _value_text(value: Any, field: str = "") -> str:
 
 
 def _reason(text: str) -> str:
-    """Return why something is so; of a robot that is not ready, what it waits for."""
+    """Return a reason in words; of a robot that is not ready, what it waits for."""
     return readiness(text.removeprefix(f"{terms.START}: ")) if text else ""
 
 
 def _word(text: str) -> str:
-    """Return a text of several words in which each that is known is translated, and a key of words
-    as these words.
-    """
+    """Return a text with each known word translated, and keys such as `a_b` as words."""
     known = {**dict(Session.Outcome.choices), **VALUES, **GUEST_NAMES}
     if text in known:
         return str(known[text])

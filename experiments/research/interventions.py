@@ -18,7 +18,7 @@ LONGEST = 200
 
 
 def send_message(session: Session, text: str, user: Any, now: datetime.datetime) -> bool:
-    """Send a sentence to the visitor's page and record it; False when it could not be sent."""
+    """Send a sentence to the visitor's page and record it; False if it could not be sent."""
     message = protocol.OperatorMessage(session=str(session.pk), text=text[:LONGEST])
     if not send_notice(session.robot.name, message):
         return False
@@ -28,19 +28,13 @@ def send_message(session: Session, text: str, user: Any, now: datetime.datetime)
 
 
 def end_session(session: Session, reason: str, user: Any, now: datetime.datetime) -> bool:
-    """End a session as stopped by the operator; False when it was over already."""
+    """End a session as stopped by the operator; False if it had ended already."""
     ended = store.end(str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, reason[:LONGEST], now)
     if ended:
         check_pages(robot_group(session.robot.name), session=str(session.pk))
         _note(str(session.pk), "operator_end", user, now, reason=reason[:LONGEST])
-        audit.note(
-            "session_stopped",
-            actor=user,
-            person=session.visitor_id,
-            robot=session.robot,
-            thing=session,
-            at=now,
-        )
+        person, robot = session.visitor_id, session.robot
+        audit.note("session_stopped", actor=user, person=person, robot=robot, thing=session, at=now)
     return ended
 
 

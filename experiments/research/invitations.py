@@ -1,5 +1,5 @@
-"""Invitations of colleagues to a study: sent by e-mail, accepted by whoever opens the link and
-signs in or signs up. The link works once, and for two weeks.
+"""Invitations of colleagues to a study: sent by e-mail, accepted by the person who opens the link
+and signs in or signs up. The link works once, and for two weeks.
 """
 
 import datetime
@@ -35,8 +35,8 @@ STAFF_ROLES = frozenset({"owner", "researcher", "viewer"})
 
 
 def invite(request: HttpRequest, row: Study, email: str, role: str) -> tuple[str, bool]:
-    """Store an invitation and send it; return its link, and whether the mail was sent. An earlier
-    invitation of the same address ends.
+    """Store an invitation and send it; return its link, and whether the mail was sent. It replaces
+    an earlier invitation of the same address.
     """
     token, now = secrets.token_urlsafe(TOKEN_BYTES), timezone.now()
     ResearcherInvitation.objects.filter(slug=row.slug, email=email, accepted_at=None).delete()
@@ -63,14 +63,11 @@ def _send(row: Study, invitation: ResearcherInvitation, address: str) -> bool:
         "until": shown_time(invitation.expires_at),
     }
     subject = _("%(person)s invites you to the study “%(study)s”") % named
-    text = (
-        _(
-            "%(person)s invites you to work on the study “%(study)s”. Your role: %(role)s.\n\n"
-            "Open this link, then log in or sign up:\n%(link)s\n\nIt works once, until %(until)s."
-        )
-        % named
+    text = _(
+        "%(person)s invites you to work on the study “%(study)s”. Your role: %(role)s.\n\n"
+        "Open this link, then log in or sign up:\n%(link)s\n\nIt works once, until %(until)s."
     )
-    mail = EmailMessage(subject, text, settings.DEFAULT_FROM_EMAIL, to=[invitation.email])
+    mail = EmailMessage(subject, text % named, settings.DEFAULT_FROM_EMAIL, to=[invitation.email])
     try:
         return bool(mail.send())
     except (OSError, smtplib.SMTPException):
@@ -81,7 +78,7 @@ def _send(row: Study, invitation: ResearcherInvitation, address: str) -> bool:
 @require_http_methods(["GET", "HEAD", "POST"])
 @limited(LINKS, reading=True, refusals={GONE})
 def invitation(request: HttpRequest, token: str) -> HttpResponse:
-    """Show an invitation; a POST of somebody with an account accepts it."""
+    """Show an invitation; a POST of a user with an account accepts it."""
     now = timezone.now()
     found = ResearcherInvitation.objects.filter(token_sha256=hash_of(token)).first()
     study = Study.objects.filter(slug=found.slug).first() if found is not None else None
@@ -127,9 +124,8 @@ def _accept(
     if found.role in STAFF_ROLES and not user.is_staff:
         user.is_staff = True
         user.save(update_fields=["is_staff"])
-    audit.note(
-        "member_added", actor=found.invited_by, person=user, study=found.slug, detail=found.role
-    )
+    sender, role = found.invited_by, found.role
+    audit.note("member_added", actor=sender, person=user, study=found.slug, detail=role)
     if found.role in STAFF_ROLES:
         return redirect("admin:experiments_study_change", study.pk)
     return redirect("study_wizard" if found.role == "wizard" else "study_coding", found.slug)

@@ -1,8 +1,7 @@
 """The live view of a study: participants, robots and drives, read every two seconds with a fixed
 number of queries.
 
-Participants are named by their codes. What a robot reported is as old as `heard` says; what is not
-known is left out.
+Participants appear by their codes. `heard` is the age of a robot's report; unknown values are None.
 """
 
 import datetime
@@ -10,6 +9,7 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
+from django.utils.translation import get_language
 
 from experiments.definition.course import CourseError
 from experiments.definition.schema import StudyDefinition
@@ -28,57 +28,49 @@ from surveys.documents import spoken
 RECENT = datetime.timedelta(hours=1)
 MOST_PEOPLE = 200
 DOORS_BACK = datetime.timedelta(days=1)
-# Who may drive a robot in the current version: everybody, invited participants, nobody.
+# Who may drive a robot in the current version: all, invited participants, or no participants.
 USES = ("open", "invitation", "none")
 
 
-def now_in(slug: str, language: str, now: datetime.datetime) -> dict[str, Any]:
-    """Return what happens in all versions of a study: participants, robots, and drives; times in
-    Unix seconds, ages in seconds.
+def now_in(slug: str, now: datetime.datetime) -> dict[str, Any]:
+    """Return participants, robots and drives of all versions of a study; times in Unix seconds,
+    ages in seconds.
     """
     rows = list(Study.objects.filter(slug=slug).order_by("-version"))
     definitions = {study.pk: study.as_definition() for study in rows}
-    drives = list(_living(slug))
+    drives = (
+        Drive.objects.filter(participant__study__slug=slug)
+        .exclude(session__state=Session.State.ENDED)
+        .select_related("session__robot", "participant")
+        .order_by("granted_at")
+    )
     robots = _robots(slug, definitions.values(), drives)
     current = definitions[current_version(rows).pk] if rows else None
     unready = _unready(robots, now)
     shown = [
-        _robot(robot, language, now)
-        | {"unready": unready[robot.pk], "use": _use_of(robot, current)}
+        _robot(robot, now) | {"unready": unready[robot.pk], "use": _use_of(robot, current)}
         for robot in robots
     ]
     return {
         "stamp": now.timestamp(),
-        "participants": _people(slug, definitions, language, now),
+        "participants": _people(slug, definitions, now),
         "robots": sorted(shown, key=lambda robot: USES.index(robot["use"])),
         "queues": _queues(robots, slug),
-        "drives": [
-            _drive(drive, definitions[drive.participant.study_id], language, now)
-            for drive in drives
-        ],
+        "drives": [_drive(drive, definitions[drive.participant.study_id], now) for drive in drives],
     }
 
 
 def current_version(rows: Sequence[Study]) -> Study:
-    """Return the newest version of a study that was published, else the newest; `rows` are all of
-    its versions, the newest first.
-    """
+    """Return the newest published version of a study, else the newest, which is the first row."""
     return next((row for row in rows if row.status != Study.Status.DRAFT), rows[0])
 
 
 def _use_of(robot: Robot, study: StudyDefinition | None) -> str:
-    """Return whose robot it is in a version of a study: an element of USES."""
+    """Return who may drive a robot in a version of a study: an element of USES."""
     conditions = study.conditions if study is not None else ()
     place = _place(robot)
     accesses = {one.access for one in conditions if (one.robot, one.site) == place}
     return next((use for use in USES if use in accesses), USES[-1])
-
-
-def _living(slug: str) -> Iterable[Drive]:
-    rows = Drive.objects.filter(participant__study__slug=slug).exclude(
-        session__state=Session.State.ENDED
-    )
-    return rows.select_related("session", "session__robot", "participant").order_by("granted_at")
 
 
 def robots_of(slug: str) -> list[Robot]:
@@ -88,11 +80,9 @@ def robots_of(slug: str) -> list[Robot]:
 def _robots(
     slug: str, definitions: Iterable[StudyDefinition], drives: Iterable[Drive]
 ) -> list[Robot]:
-    """Return the robots of the conditions' series at their sites, and those that are being driven;
-    few, because a site has few robots.
-    """
+    """Return the robots of the conditions' series at their sites, and those in use."""
     wanted = {(one.robot, one.site) for study in definitions for one in study.conditions}
-    driven = {drive.session.robot_id for drive in drives}
+    in_use = {drive.session.robot_id for drive in drives}
     rows = (
         Robot.objects.filter(practice=False)
         .select_related("floor_plan")
@@ -102,34 +92,28 @@ def _robots(
     return [
         robot
         for robot in rows
-        if robot.pk in driven or (_place(robot) in wanted and may_see(slug, robot))
+        if robot.pk in in_use or (_place(robot) in wanted and may_see(slug, robot))
     ]
 
 
-def courses_of(
-    slug: str, robots: Iterable[Robot], language: str
-) -> dict[str, dict[int, dict[str, Any]]]:
-    """Return the course of each robot in each version of a study, as maps draw it; robots and
-    versions without one are left out.
-    """
-    studies = {row.version: row.as_definition() for row in Study.objects.filter(slug=slug)}
-    return {
-        robot.name: {
-            version: drawn
-            for version, study in studies.items()
-            if (drawn := _drawn(study, robot, language)) is not None
-        }
-        for robot in robots
-    }
+def courses_of(slug: str, robots: Sequence[Robot]) -> dict[str, dict[int, dict[str, Any]]]:
+    """Return for each robot the course of each version of a study that has one, as maps draw it."""
+    courses: dict[str, dict[int, dict[str, Any]]] = {robot.name: {} for robot in robots}
+    for row in Study.objects.filter(slug=slug):
+        study = row.as_definition()
+        for robot in robots:
+            if drawn := _drawn(study, robot):
+                courses[robot.name][row.version] = drawn
+    return courses
 
 
-def _drawn(study: StudyDefinition, robot: Robot, language: str) -> dict[str, Any] | None:
+def _drawn(study: StudyDefinition, robot: Robot) -> dict[str, Any] | None:
     course = next((one for one in study.courses if (one.robot, one.site) == _place(robot)), None)
     if course is None or robot.floor_plan is None:
         return None
     try:
         plan = floorplan.decode(msgspec.json.encode(robot.floor_plan.plan))
-        return ground(course, plan, language)
+        return ground(course, plan, page_language())
     except (floorplan.FloorPlanError, CourseError):
         return None
 
@@ -139,16 +123,20 @@ def _place(robot: Robot) -> tuple[str, str]:
     return series, robot.floor_plan.name if robot.floor_plan else ""
 
 
-def condition_title(definition: StudyDefinition, key: str, language: str) -> str:
+def page_language() -> str:
+    return get_language() or "en"
+
+
+def condition_title(definition: StudyDefinition, key: str) -> str:
+    """Return the title of a condition in the language of the page; its key when it has no title, or
+    no longer exists.
+    """
     condition = definition.condition(key)
-    return spoken(condition.title, language) if condition is not None else key
-
-
-# --- people ---------------------------------------------------------------------------------------
+    return (spoken(condition.title, page_language()) if condition is not None else "") or key
 
 
 def _people(
-    slug: str, definitions: dict[Any, StudyDefinition], language: str, now: datetime.datetime
+    slug: str, definitions: dict[Any, StudyDefinition], now: datetime.datetime
 ) -> list[dict[str, Any]]:
     rows = Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT)
     people = list(rows.order_by("-seen_at")[:MOST_PEOPLE])
@@ -156,14 +144,13 @@ def _people(
         "participant_id", "visit", "round", "step", "began_at"
     )
     began = {tuple(place): at for *place, at in visits}
-    return [_person(row, definitions[row.study_id], began, language, now) for row in people]
+    return [_person(row, definitions[row.study_id], began, now) for row in people]
 
 
 def _person(
     row: Participant,
     definition: StudyDefinition,
     began: dict[Any, datetime.datetime],
-    language: str,
     now: datetime.datetime,
 ) -> dict[str, Any]:
     step = next((step for step in definition.steps if step.key == row.step), None)
@@ -173,47 +160,44 @@ def _person(
         "code": row.code,
         "kind": row.kind,
         "status": row.status,
-        "step": spoken(step.title, language) if step is not None else row.step,
+        "step": spoken(step.title, page_language()) if step is not None else row.step,
         "visit": row.visit,
-        "condition": condition_title(definition, key, language) if key else "",
+        "condition": condition_title(definition, key),
         "since": (now - since).total_seconds() if since is not None else None,
         "seen": (now - row.seen_at).total_seconds(),
     }
 
 
 def _queues(robots: list[Robot], slug: str) -> dict[str, list[str]]:
-    """Return the codes of those who wait for each robot, in order; an empty code for visitors who
-    are not of this study.
+    """Return the codes of the participants who wait for each robot, in order; an empty code for
+    visitors who are not in this study.
     """
-    waiting = list(
-        Session.objects.filter(robot__in=robots, state=Session.State.WAITING).order_by("queued_at")
-    )
-    people = Participant.objects.filter(
-        study__slug=slug, user__in=[session.visitor_id for session in waiting]
-    )
+    rows = Session.objects.filter(robot__in=robots, state=Session.State.WAITING)
+    waiting = list(rows.order_by("queued_at").values_list("robot__name", "visitor"))
+    visitors = [visitor for _robot, visitor in waiting]
+    people = Participant.objects.filter(study__slug=slug, user__in=visitors)
     codes = dict(people.values_list("user_id", "code"))
-    names = {robot.pk: robot.name for robot in robots}
-    queues: dict[str, list[str]] = {name: [] for name in names.values()}
-    for session in waiting:
-        queues[names[session.robot_id]].append(codes.get(session.visitor_id, ""))
+    queues: dict[str, list[str]] = {robot.name: [] for robot in robots}
+    for robot, visitor in waiting:
+        queues[robot].append(codes.get(visitor, ""))
     return queues
 
 
-# --- robots ---------------------------------------------------------------------------------------
-
-
 def _unready(robots: list[Robot], now: datetime.datetime) -> dict[Any, str]:
-    """Return in words what each robot lacks for the next visitor; empty where it lacks nothing, or
-    nobody waits.
+    """Return in words what each robot lacks for the next visitor; empty if nothing, or if the queue
+    is empty.
     """
-    found = {}
-    for key, scene in store.load_scenes(robots, now).items():
-        reason = next((visit.not_ready for visit in scene.queue if visit.not_ready), "")
-        found[key] = in_words(reason.removeprefix(f"{terms.START}: ")) if reason else ""
-    return found
+    reasons = {
+        key: next((place.not_ready for place in scene.queue if place.not_ready), "")
+        for key, scene in store.load_scenes(robots, now).items()
+    }
+    return {
+        key: in_words(reason.removeprefix(f"{terms.START}: ")) if reason else ""
+        for key, reason in reasons.items()
+    }
 
 
-def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any]:
+def _robot(robot: Robot, now: datetime.datetime) -> dict[str, Any]:
     report, seen_at = robot.presence.report or {}, robot.presence.last_seen_at
     return {
         "name": robot.name,
@@ -228,13 +212,13 @@ def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any
         "turnaround": robot.presence.turnaround if robot.returns_home else Robot.Turnaround.READY,
         "reason": in_words(robot.presence.turnaround_reason),
         "held": robot.held,
-        "doors": _doors(robot, language, now),
+        "doors": _doors(robot, now),
     }
 
 
-def _doors(robot: Robot, language: str, now: datetime.datetime) -> list[dict[str, Any]]:
+def _doors(robot: Robot, now: datetime.datetime) -> list[dict[str, Any]]:
     """Return each door as it was set, and as the robot last reported it, with its stamp."""
-    doors = robot.doors_in(language)
+    doors = robot.doors_in(page_language())
     if not doors:
         return []
     changes = SessionEvent.objects.filter(
@@ -243,24 +227,19 @@ def _doors(robot: Robot, language: str, now: datetime.datetime) -> list[dict[str
         type="door_changed",
         received_at__gte=(now - DOORS_BACK).timestamp(),
     ).order_by("received_at")
-    confirmed: dict[str, tuple[str, float]] = {}
+    confirmed: dict[str, dict[str, Any]] = {}
     for data, at in changes.values_list("data", "received_at"):
         name, _, state = str(data.get("detail", "")).rpartition(" ")
-        confirmed[name] = state, at
-    rows = []
-    for door in doors:
-        state, at = confirmed.get(door["name"], (None, None))
-        about = {"name": door["name"], "title": door["title"], "set": door["state"]}
-        rows.append(about | {"confirmed": state, "at": at})
-    return rows
+        confirmed[name] = {"confirmed": state, "at": at}
+    unknown = {"confirmed": None, "at": None}
+    return [
+        {"name": door["name"], "title": door["title"], "set": door["state"]}
+        | confirmed.get(door["name"], unknown)
+        for door in doors
+    ]
 
 
-# --- drives ---------------------------------------------------------------------------------------
-
-
-def _drive(
-    drive: Drive, definition: StudyDefinition, language: str, now: datetime.datetime
-) -> dict[str, Any]:
+def _drive(drive: Drive, definition: StudyDefinition, now: datetime.datetime) -> dict[str, Any]:
     session = drive.session
     chunk = newest_chunk(session)
     state = chunk.states[-1] if chunk is not None and chunk.states else None
@@ -273,7 +252,7 @@ def _drive(
         "kind": drive.participant.kind,
         "number": drive.number,
         "version": definition.version,
-        "condition": condition_title(definition, drive.condition, language),
+        "condition": condition_title(definition, drive.condition),
         "state": session.state,
         "granted": drive.granted_at.timestamp(),
         "pose": state["pose"] if state else None,
@@ -288,8 +267,8 @@ def _drive(
 
 
 def _wizard(session: Session, now: datetime.datetime) -> dict[str, Any]:
-    """Return whether a hidden operator is present, or `lost`, and the newest step of the script
-    with its age in seconds.
+    """Return whether a hidden operator is present, absent or `lost`, and the newest step of the
+    script with its age in seconds.
     """
     rows = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER)
     newest = rows.order_by("-stamp").values_list("type", "stamp", "data")

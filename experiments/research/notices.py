@@ -29,7 +29,7 @@ MAIL_SECONDS = 5.0  # that a mail server may keep the session manager waiting
 
 def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: Any) -> None:
     """Tell the researchers of every open study that uses a robot that its queue is paused."""
-    if reason == "stopped":  # it waits where it is, and takes visitors
+    if reason == "stopped":  # it waits at its place, and takes visitors
         return
     subject = _("%(study)s: the queue for %(robot)s is paused")
     text = _(
@@ -37,10 +37,9 @@ def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: 
         "next visit: %(reason)s.\n\nThe system "
         "tries again every two minutes. You get one e-mail for each pause."
     )
+    values = {"robot": robot, "reason": in_words(reason), "at": shown_time(at)}
     for study in studies_with(robot):
-        addresses = addresses_of(study)
-        if addresses:
-            _send(study, robot, reason, at, addresses, words=(subject, text))
+        _send(study, subject, text, values)
 
 
 def publish_not_ready(
@@ -57,9 +56,8 @@ def publish_not_ready(
         "or drive it there. The participant's drive then starts automatically. "
         "You get one e-mail for each participant who waits."
     )
-    addresses = addresses_of(drive.participant.study)
-    if addresses:
-        _send(drive.participant.study, robot, reason, at, addresses, words=(subject, text))
+    values = {"robot": robot, "reason": in_words(reason), "at": shown_time(at)}
+    _send(drive.participant.study, subject, text, values)
 
 
 def studies_with(robot: Robot) -> list[Study]:
@@ -81,7 +79,7 @@ def addresses_of(study: Study) -> list[str]:
 
 
 def mail_to_owner(_request: HttpRequest, robot: Robot) -> str:
-    """Say whether a robot's owner gets such mail: as a member of a study alone."""
+    """Tell a robot's owner whether they get such mail: only as a member of a study."""
     owner = robot.owner
     if owner is None:
         return _("This robot has no owner.")
@@ -93,37 +91,25 @@ def mail_to_owner(_request: HttpRequest, robot: Robot) -> str:
             "No. Only researchers of a published study get an e-mail when its robot can't get "
             "ready. The system log lists all problems."
         )
-    return _("Yes, when the robot can't get ready, as a researcher of: %(studies)s.") % {
-        "studies": ", ".join(titles)
-    }
+    text = _("Yes, when the robot can't get ready, as a researcher of: %(studies)s.")
+    return text % {"studies": ", ".join(titles)}
 
 
-def _send(
-    study: Study,
-    robot: Robot,
-    reason: str,
-    at: datetime.datetime,
-    addresses: list[str],
-    *,
-    words: tuple[str, str],
-) -> None:
-    """Send subject and text, as far as the mail server takes them."""
-    names = {
-        "study": study.title,
-        "robot": str(robot),
-        "reason": in_words(reason),
-        "at": shown_time(at),
-    }
-    subject, text = words
+def _send(study: Study, subject: str, text: str, values: dict[str, Any]) -> None:
+    """Send a mail to those who can help; `values` fill in its subject and text."""
+    addresses = addresses_of(study)
+    if not addresses:
+        return
+    values = values | {"study": study.title}
+    mail = EmailMessage(
+        subject % values,
+        text % values,
+        settings.DEFAULT_FROM_EMAIL,
+        bcc=addresses,
+        connection=get_connection(timeout=MAIL_SECONDS),
+    )
     try:
-        connection = get_connection(timeout=MAIL_SECONDS)
-        EmailMessage(
-            subject % names,
-            text % names,
-            settings.DEFAULT_FROM_EMAIL,
-            to=[],
-            bcc=addresses,
-            connection=connection,
-        ).send()
+        mail.send()
     except (OSError, smtplib.SMTPException) as error:
-        log.error("staff_not_notified", study=study.slug, robot=robot.name, reason=str(error))
+        robot = values["robot"].name
+        log.error("staff_not_notified", study=study.slug, robot=robot, reason=str(error))

@@ -1,8 +1,8 @@
 """The record of a session for its replay: everything on one time line, as columns of numbers.
 
 Times are seconds since the robot was granted, by the server's clock, with the same offsets as in
-datasets; what was before the grant (waiting in the queue) is at 0. Metres, radians, m/s and rad/s
-in the frame of the map. Poses between two states are not stored: the page interpolates them.
+datasets; earlier times (waiting in the queue) are 0. Metres, radians, m/s and rad/s in the frame of
+the map. Poses between two states are not stored: the page interpolates them.
 """
 
 import math
@@ -16,26 +16,14 @@ from experiments.extraction.events import page_offset, robot_offset
 from experiments.models import Drive, TaskEvent
 from experiments.research.event_text import in_words
 from experiments.stored_states import StateReader
+from robots.floorplans import plan_content
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot
 
 # The columns, and how many decimals each has; 0 is a whole number.
 NETWORK = {"t": 3, "roundTrip": 4, "loss": 4, "fps": 4, "bitrate": 4, "frameAge": 4}
-STATES = {
-    "t": 3,
-    "x": 3,
-    "y": 3,
-    "theta": 4,
-    "localized": 0,
-    "v": 3,
-    "w": 3,
-    "charge": 3,
-    "docked": 0,
-    "clearance": 4,
-    "contacts": 0,
-}
+POSES = {"t": 3, "x": 3, "y": 3, "theta": 4, "localized": 0, "v": 3, "w": 3}
+STATES = POSES | {"charge": 3, "docked": 0, "clearance": 4, "contacts": 0}
 COMMANDS = {"t": 3, "v": 3, "w": 3, "method": 0, "way": 0, "age": 4}
-
-
 # Events of robots that would reveal the condition to a blind coder.
 TELLING = frozenset({"door_changed", "action"})
 
@@ -52,8 +40,6 @@ class ReplayCommand(StoredPart):
 
 
 class Recorded(StoredState):
-    """A state with its commands as they were."""
-
     applied: list[ReplayCommand] = []
 
 
@@ -86,6 +72,17 @@ def replay(session: Session, drive: Drive | None) -> dict[str, Any]:
     }
 
 
+def player_config(session: Session, data: str, photos: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what the script of a page with a replay needs; `data` is the address of the record."""
+    robot = session.robot
+    return {
+        "data": data,
+        "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
+        "footprint": (robot.presence.factsheet or {}).get("footprint", []),
+        "photos": photos,
+    }
+
+
 def blinded(record: dict[str, Any]) -> dict[str, Any]:
     """Return a record without what would reveal the condition to a coder: commands, the network,
     doors, and the events of the page and the server.
@@ -112,19 +109,8 @@ def recorded(session: Session, begin: float) -> list[tuple[float, Recorded]]:
 
 def _state_row(at: float, state: Recorded) -> tuple[Any, ...]:
     pose, velocity = state.pose, state.velocity
-    return (
-        at,
-        pose.x,
-        pose.y,
-        pose.theta,
-        pose.localized,
-        velocity.linear,
-        velocity.angular,
-        state.battery.charge,
-        state.docked,
-        state.clearance,
-        state.contacts,
-    )
+    posed = (at, pose.x, pose.y, pose.theta, pose.localized, velocity.linear, velocity.angular)
+    return *posed, state.battery.charge, state.docked, state.clearance, state.contacts
 
 
 def _command_rows(
@@ -155,16 +141,12 @@ def _columns(decimals: dict[str, int], rows: list[tuple[Any, ...]]) -> dict[str,
 
 def _network(session: Session, begin: float) -> dict[str, list[Any]]:
     samples = NetworkSample.objects.filter(session=session).order_by("received_at")
-    names = list(NETWORK)[1:]
-    rows = [
-        (max(0.0, stamp - begin), *(_number(data.get(name)) for name in names))
-        for stamp, data in samples.values_list("stamp", "data")
-    ]
+    rows = []
+    for stamp, data in samples.values_list("stamp", "data"):
+        values = (data.get(name) for name in list(NETWORK)[1:])
+        numbers = (value if isinstance(value, int | float) else None for value in values)
+        rows.append((max(0.0, stamp - begin), *numbers))
     return _columns(NETWORK, rows)
-
-
-def _number(value: Any) -> float | None:
-    return value if isinstance(value, int | float) else None
 
 
 def _events(

@@ -23,7 +23,6 @@ def _unit(unit: str, digits: int = 2, factor: float = 1.0) -> Written:
 
 
 def time_text(at: datetime.datetime | None) -> str:
-    """Return a time with its zone."""
     return timezone.localtime(at).strftime("%Y-%m-%d %H:%M:%S %Z") if at is not None else NOTHING
 
 

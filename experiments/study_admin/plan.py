@@ -1,5 +1,5 @@
-"""The plan of a study in the administration: its preregistration to read and download, what was
-done differently, and the power by simulation. Mixed into the studies' administration.
+"""The plan of a study in the administration: its preregistration, the deviations from it, and the
+power by simulation. Mixed into the studies' administration.
 """
 
 import json
@@ -7,16 +7,14 @@ import subprocess
 from typing import Any
 
 from django import forms
-from django.contrib import messages
 from django.core.validators import MaxLengthValidator
-from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import URLPattern, reverse
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
+from django.urls import URLPattern
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 from django.views.decorators.http import require_POST, require_safe
 
-from accounts import audit
-from experiments import publishing
 from experiments.access import may
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.builder.study_page import StudyPages
@@ -25,7 +23,7 @@ from experiments.extraction.answers import questionnaires_of
 from experiments.extraction.build import freeze_of
 from experiments.models import Study
 from experiments.research.analysis_cache import command, environment
-from experiments.research.study_access import study_for
+from experiments.research.study_access import note_change, study_for
 
 STUDIES = 500  # simulated for each number: a page does not wait long
 SECONDS = 120.0
@@ -34,19 +32,18 @@ MOST_SIZES, MOST_PARTICIPANTS, MOST_TEXT = 8, 1000, 20_000
 
 
 class PowerForm(forms.Form):
-    """For how many participants the power is simulated."""
-
     participants = forms.CharField(
         label=gettext_lazy("Numbers of participants"), initial=SIZES, max_length=80
     )
 
     def clean_participants(self) -> str:
         words = self.cleaned_data["participants"].replace(",", " ").split()
-        is_fine = all(
-            word.isascii() and word.isdigit() and 1 <= int(word) <= MOST_PARTICIPANTS
-            for word in words
-        )
-        if not is_fine or not 1 <= len(words) <= MOST_SIZES:
+        are_numbers = all(word.isascii() and word.isdigit() for word in words)
+        if (
+            not are_numbers
+            or not 1 <= len(words) <= MOST_SIZES
+            or not all(1 <= int(word) <= MOST_PARTICIPANTS for word in words)
+        ):
             raise forms.ValidationError(
                 _("Write up to %(most)d numbers from 1 to %(greatest)d, separated by commas.")
                 % {"most": MOST_SIZES, "greatest": MOST_PARTICIPANTS}
@@ -89,30 +86,22 @@ class PlanPages(StudyPages):
         )
 
     def power_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the power for some numbers of participants."""
         row, form = study_for(request, pk, "researcher"), PowerForm(request.POST)
         if not form.is_valid():
             return self._plan(request, row, form, status=422)
-        found, why = _simulated(row, form.cleaned_data["participants"])
-        return self._plan(
-            request,
-            row,
-            form,
-            power=found and by_test(found),
-            failure=why,
-            status=200 if found else 503,
-        )
+        table, failure = _simulated(row, form.cleaned_data["participants"])
+        power = table and by_test(table)
+        status = 200 if table else 503
+        return self._plan(request, row, form, status=status, power=power, failure=failure)
 
     def deviations_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Keep what the owners say of deviations from the plan."""
         row, form = study_for(request, pk, "owner"), DeviationsForm(request.POST)
         if not form.is_valid():
             return self._plan(request, row, PowerForm(), deviations=form, status=422)
         Study.objects.filter(pk=row.pk).update(deviations=form.cleaned_data["deviations"])
-        publishing.log(row, request.user, "Changed: deviations from the plan.")
-        audit.note("study_changed", actor=request.user, study=row.slug, detail="deviations")
-        messages.success(request, _("Saved."))
-        return HttpResponseRedirect(reverse("admin:experiments_study_plan", args=[row.pk]))
+        entry = "Changed: deviations from the plan."
+        note_change(request, row, entry, _("Saved."), detail="deviations")
+        return redirect("admin:experiments_study_plan", row.pk)
 
     def _plan(
         self, request: HttpRequest, row: Study, form: PowerForm, status: int = 200, **more: Any
@@ -161,31 +150,25 @@ def data_when_frozen(freeze: FreezeRecord) -> str:
     """Return in the page's language who had joined a study when it was frozen."""
     if freeze.before_data is None:
         return ""
-    told = (
-        _("No participant of this version had joined before that.")
-        if freeze.before_data
-        else _("A participant of this version had already joined.")
-    )
+    text = _("A participant of this version had already joined.")
+    if freeze.before_data:
+        text = _("No participant of this version had joined before that.")
     if not freeze.earlier:
-        return told
+        return text
     earlier = ngettext(
         "%(n)d participant had joined an earlier version, whose data were known.",
         "%(n)d participants had joined earlier versions, whose data were known.",
         freeze.earlier,
     )
-    return f"{told} {earlier % {'n': freeze.earlier}}"
+    return f"{text} {earlier % {'n': freeze.earlier}}"
 
 
 def _simulated(row: Study, sizes: str) -> tuple[dict[str, Any] | None, str]:
     """Return the table of a simulation, made by a process of its own, or why there is none."""
-    words = command(
-        "power",
-        f"{row.slug}:{row.version}",
-        *("--participants", sizes, "--studies", str(STUDIES), "--json"),
-    )
+    options = ("--participants", sizes, "--studies", str(STUDIES), "--json")
     try:
         done = subprocess.run(
-            words,
+            command("power", f"{row.slug}:{row.version}", *options),
             env=environment(),
             check=True,
             capture_output=True,
@@ -196,5 +179,4 @@ def _simulated(row: Study, sizes: str) -> tuple[dict[str, Any] | None, str]:
         return None, _("The simulation took too long. Try fewer or smaller numbers.")
     except subprocess.CalledProcessError as error:
         return None, (error.stderr or "").strip().rpartition("\n")[2]
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found, ""
+    return json.loads(done.stdout), ""

@@ -1,16 +1,16 @@
-"""The page on which owners write what a study's dataset says about itself in a repository."""
+"""The page for the publication details of a study, which its dataset carries in a repository. Mixed
+into the studies' administration.
+"""
 
+from collections.abc import Iterator
 from typing import Any
 
 import msgspec
-from django.contrib import messages
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.urls import URLPattern
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
-from accounts import audit
-from experiments import publishing
 from experiments.access import may
 from experiments.builder.study_page import StudyPages
 from experiments.definition.publication import (
@@ -24,8 +24,8 @@ from experiments.definition.publication import (
     plain_orcid,
 )
 from experiments.models import Study
-from experiments.research.publication_labels import LABELS, labels_of
-from experiments.research.study_access import study_for
+from experiments.research.analysis_downloads import PUBLICATION_LABELS, labels_of
+from experiments.research.study_access import note_change, study_for
 from surveys.document_forms.guide import FormGuide
 from surveys.document_forms.part_form import PartForm
 from surveys.document_forms.parts import Document
@@ -34,7 +34,8 @@ EMPTY_ROWS = 3  # for more authors
 NO_ORCID = _("%(text)s is not an ORCID iD: its check digit or its format is wrong.")
 NO_DOI = _("%(text)s is not a DOI such as 10.5281/zenodo.1234567.")
 GUIDE = FormGuide(
-    labels=LABELS | {"name": _("Name"), "orcid": _("ORCID iD"), "affiliation": _("Affiliation")},
+    labels=PUBLICATION_LABELS
+    | {"name": _("Name"), "orcid": _("ORCID iD"), "affiliation": _("Affiliation")},
     hints={
         "authors": _(
             "In the order in which they are cited. An author without a name is removed. Save to "
@@ -59,8 +60,6 @@ class DetailsForm(PartForm):
 
 
 class PublicationPages(StudyPages):
-    """The page, mixed into the studies' administration."""
-
     def publication_urls(self) -> list[URLPattern]:
         return [self.study_path("publication/", self.publication_view, "publication")]
 
@@ -70,34 +69,31 @@ class PublicationPages(StudyPages):
         is_owner = may(request.user, row.slug, "owner")
         details = from_stored(row.publication)
         shown: Document = msgspec.to_builtins(details)
-        wrong: dict[str, str] = {}
+        errors: dict[str, str] = {}
         if request.method == "POST":
             if not is_owner:
                 raise Http404
             shown = _plain(DetailsForm.read(PublicationDetails, request.POST))
-            wrong = dict(_wrong(shown))
-            if not wrong:
-                self._keep(request, row, shown)
+            errors = dict(_errors(shown))
+            if not errors:
+                _store(request, row, shown)
                 return HttpResponseRedirect(request.path)
         shown["authors"] = [*shown.get("authors", ()), *({"name": ""} for _n in range(EMPTY_ROWS))]
-        offered = {"license": LICENCES}
-        form = DetailsForm(PublicationDetails, shown, offered=offered, is_sent=bool(wrong))
-        for name, text in wrong.items():
+        form = DetailsForm(
+            PublicationDetails, shown, offered={"license": LICENCES}, is_sent=bool(errors)
+        )
+        for name, text in errors.items():
             form.add_error(name, text)
-        missing = labels_of(details.missing)
-        context = {"form": form, "is_owner": is_owner, "missing": missing}
+        context = {"form": form, "is_owner": is_owner, "missing": labels_of(details.missing)}
         title = gettext("Publication details")
         return self.study_page(request, row, "publication", title, context, tab="export")
 
-    @staticmethod
-    def _keep(request: HttpRequest, row: Study, details: Document) -> None:
-        stored = msgspec.to_builtins(msgspec.convert(details, PublicationDetails))
-        Study.objects.filter(pk=row.pk).update(publication=stored)
-        publishing.log(row, request.user, "Publication details.")
-        audit.note(
-            "study_changed", actor=request.user, study=row.slug, detail="publication details"
-        )
-        messages.success(request, gettext("Publication details saved."))
+
+def _store(request: HttpRequest, row: Study, details: Document) -> None:
+    stored = msgspec.to_builtins(msgspec.convert(details, PublicationDetails))
+    Study.objects.filter(pk=row.pk).update(publication=stored)
+    text, detail = gettext("Publication details saved."), "publication details"
+    note_change(request, row, "Publication details.", text, detail=detail)
 
 
 def _plain(details: Document) -> Document:
@@ -112,18 +108,15 @@ def _plain(details: Document) -> Document:
     return {**details, "authors": authors, "doi": doi, "keywords": keywords}
 
 
-def _wrong(details: Document) -> "list[tuple[str, str]]":
-    found = []
+def _errors(details: Document) -> Iterator[tuple[str, str]]:
     for n, author in enumerate(details["authors"]):
         if not author.get("name"):
-            found.append((f"authors.{n}.name", gettext("Enter the name of this author.")))
+            yield f"authors.{n}.name", gettext("Enter the name of this author.")
         if author["orcid"] and not is_orcid(author["orcid"]):
-            found.append((f"authors.{n}.orcid", NO_ORCID % {"text": author["orcid"]}))
+            yield f"authors.{n}.orcid", NO_ORCID % {"text": author["orcid"]}
     if details["doi"] and not is_doi(details["doi"]):
-        found.append(("doi", NO_DOI % {"text": details["doi"]}))
+        yield "doi", NO_DOI % {"text": details["doi"]}
     if (address := details.get("preregistration", "")) and not is_address(address):
-        text = gettext("Enter an address that begins with https:// or http://.")
-        found.append(("preregistration", text))
+        yield "preregistration", gettext("Enter an address that begins with https:// or http://.")
     if details.get("license", "") not in {"", *LICENCES}:
-        found.append(("license", gettext("Choose one of the licences.")))
-    return found
+        yield "license", gettext("Choose one of the licences.")

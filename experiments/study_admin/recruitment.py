@@ -1,71 +1,50 @@
-"""The page of a study about its recruitment site: the link to enter there, the codes and return
-addresses, who is to be paid, appointments, and keys for programs. Mixed into the studies'
-administration.
+"""The recruitment page of a study: the link for the recruitment site, codes and return addresses,
+payments, appointments, and keys for programs. Mixed into the studies' administration.
 """
 
 from typing import Any
 
 from django import forms
-from django.contrib import messages
 from django.db import IntegrityError, transaction
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import URLPattern, path, reverse
+from django.urls import URLPattern, reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
 from accounts import audit
-from experiments import publishing
 from experiments.builder.labels import ENDING_NAMES
+from experiments.builder.study_page import StudyPages
 from experiments.models import Appointment, Study, StudyKey
 from experiments.participation import completion
 from experiments.recruitment import keys, sites
 from experiments.recruitment.payments import payment_rows
-from experiments.research.study_access import study_for
+from experiments.research.study_access import note_change, study_for
 from robots.files.csv_text import csv_text
 
 MOST_LISTED = 200
 
 
 class KeyForm(forms.Form):
-    """What a key is for."""
-
     label = forms.CharField(label=gettext_lazy("What the key is for"), max_length=60, min_length=2)
 
 
-class RecruitmentPages:
-    """The recruitment page, and the table of payments."""
-
+class RecruitmentPages(StudyPages):
     def recruitment_urls(self) -> list[URLPattern]:
-        """Return their addresses."""
-        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
         return [
-            path(
-                "<uuid:pk>/recruitment/",
-                guard(never_cache(self.recruitment_view)),
-                name="experiments_study_recruitment",
-            ),
-            path(
-                "<uuid:pk>/payments.csv",
-                guard(never_cache(require_safe(self.payments_view))),
-                name="experiments_study_payments",
-            ),
+            self.study_path("recruitment/", self.recruitment_view, "recruitment"),
+            self.study_path("payments.csv", require_safe(self.payments_view), "payments"),
         ]
 
     def recruitment_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the page to researchers; a POST makes a key, shown in this answer only, or takes one
-        away.
-        """
+        """Show the page; a POST makes a key, which is shown in this answer only, or revokes one."""
         row = study_for(request, pk, "researcher")
-        form, made = KeyForm(), ""
-        if request.method == "POST" and "revoke" in request.POST:
-            return _revoke(request, row)
-        if request.method == "POST":
-            form = KeyForm(request.POST)
-            made = _made(request, row, form)
-            form = form if form.errors else KeyForm()
+        if "revoke" in request.POST:
+            _revoke(request, row, request.POST["revoke"])
+            return HttpResponseRedirect(request.path)
+        form = KeyForm(request.POST if request.method == "POST" else None)
+        made = _made_key(request, row, form)
         definition = row.as_definition()
         address = request.build_absolute_uri(reverse("study", args=[row.slug]))
         site = definition.recruiting.site if definition.recruiting else "any"
@@ -73,21 +52,20 @@ class RecruitmentPages:
             participant__study=row, ends_at__gt=timezone.now()
         ).select_related("participant", "robot")
         api = reverse("api_participants", args=[row.slug])
-        return self._page(  # type: ignore[attr-defined]
-            request,
-            row,
-            "recruitment",
-            _("Recruitment"),
-            site=sites.PROFILES[site].title if site in sites.PROFILES else "",
-            link=sites.study_link(definition.recruiting, address),
-            endings=_endings(row),
-            has_appointments=definition.appointments is not None,
-            appointments=upcoming[:MOST_LISTED],
-            keys=StudyKey.objects.filter(slug=row.slug).order_by("label"),
-            form=form,
-            made=made,
-            api=request.build_absolute_uri(api),
-        )
+        context = {
+            "sharing_tab": "recruitment",
+            "site": sites.PROFILES[site].title if site in sites.PROFILES else "",
+            "link": sites.study_link(definition.recruiting, address),
+            "endings": _endings(row),
+            "has_appointments": definition.appointments is not None,
+            "appointments": upcoming[:MOST_LISTED],
+            "keys": StudyKey.objects.filter(slug=row.slug).order_by("label"),
+            "form": KeyForm() if made else form,
+            "made": made,
+            "api": request.build_absolute_uri(api),
+        }
+        title = _("Recruitment")
+        return self.study_page(request, row, "recruitment", title, context, tab="sharing")
 
     def payments_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Answer with the table of payments, which names people by their recruitment ids."""
@@ -111,7 +89,7 @@ def _endings(row: Study) -> list[tuple[Any, str, str]]:
     ]
 
 
-def _made(request: HttpRequest, row: Study, form: KeyForm) -> str:
+def _made_key(request: HttpRequest, row: Study, form: KeyForm) -> str:
     if not form.is_valid():
         return ""
     label = form.cleaned_data["label"]
@@ -121,16 +99,11 @@ def _made(request: HttpRequest, row: Study, form: KeyForm) -> str:
     except IntegrityError:
         form.add_error("label", _("There is a key of this name. Choose another one."))
         return ""
-    publishing.log(row, request.user, f"API key made: {label}.")
-    audit.note("study_key_made", actor=request.user, study=row.slug, detail=label)
+    note_change(request, row, f"API key made: {label}.", event="study_key_made", detail=label)
     return key
 
 
-def _revoke(request: HttpRequest, row: Study) -> HttpResponse:
-    named = StudyKey.objects.filter(slug=row.slug, label=request.POST["revoke"])
-    if named.delete()[0]:
-        label = request.POST["revoke"]
-        publishing.log(row, request.user, f"API key revoked: {label}.")
-        audit.note("study_key_revoked", actor=request.user, study=row.slug, detail=label)
-        messages.success(request, _("Key revoked. It no longer works."))
-    return HttpResponseRedirect(request.path)
+def _revoke(request: HttpRequest, row: Study, label: str) -> None:
+    if StudyKey.objects.filter(slug=row.slug, label=label).delete()[0]:
+        entry, text = f"API key revoked: {label}.", _("Key revoked. It no longer works.")
+        note_change(request, row, entry, text, event="study_key_revoked", detail=label)

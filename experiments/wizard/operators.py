@@ -1,4 +1,4 @@
-"""Who operates which session of a study: the provider of sessions/wizard/operators.py."""
+"""Which user may operate which session of a study: the provider of sessions/wizard/operators.py."""
 
 from django.utils.translation import get_language
 
@@ -16,8 +16,6 @@ from surveys.documents import spoken
 
 
 class StudyOperators:
-    """Hidden operators by their role in a study."""
-
     def may_operate(self, user: User, robot: Robot) -> bool:
         return any(robot in robots_of(study.as_definition()) for study in _studies_of(user))
 
@@ -33,24 +31,16 @@ class StudyOperators:
         wizard = definition.wizard_of(drive.condition)
         if wizard is None:
             return None
-        blind = wizard.blind and is_kept_blind(user, definition.slug)
         language = get_language() or definition.languages[0]
+        condition = definition.condition(drive.condition)
+        title = spoken(condition.title, language) if condition is not None else ""
         return OperatedSession(
             participant=drive.participant.code,
-            condition="" if wizard.blind else _condition_title(definition, drive, language),
-            is_blind=blind,
+            condition="" if wizard.blind else title,
+            # other roles can look up the condition on other pages
+            is_blind=wizard.blind and role_of(user, definition.slug) == "wizard",
             script=script_of(wizard, shown_in=language, spoken_in=drive.participant.language),
         )
-
-
-def is_kept_blind(user: User, slug: str) -> bool:
-    """Tell whether a user cannot look up the conditions of a study's drives elsewhere."""
-    return role_of(user, slug) == "wizard"
-
-
-def _condition_title(definition: StudyDefinition, drive: Drive, language: str) -> str:
-    condition = definition.condition(drive.condition)
-    return spoken(condition.title, language) if condition is not None else ""
 
 
 def _studies_of(user: User) -> list[Study]:
@@ -63,7 +53,6 @@ def _studies_of(user: User) -> list[Study]:
 
 
 def robots_of(definition: StudyDefinition) -> list[Robot]:
-    """Return the robots that a study is driven with by a hidden operator."""
     rows = (
         Robot.objects.filter(practice=False, enabled=True)
         .select_related("floor_plan")

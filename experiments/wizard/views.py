@@ -18,7 +18,12 @@ from sessions.wizard import protocol
 @require_safe
 def console(request: HttpRequest, slug: str) -> HttpResponse:
     """Show the operator's page of a study, for one of its robots (`?robot=`)."""
-    study = _study_for(request, slug)
+    versions = list(Study.objects.filter(slug=slug).order_by("-version"))
+    if not versions or not may_operate_as_wizard(request.user, slug):
+        raise Http404
+    # the newest version with a hidden operator, or else the newest
+    operated = (one for one in versions if one.as_definition().wizard is not None)
+    study = next(operated, versions[0])
     definition = study.as_definition()
     robots = robots_of(definition) if definition.wizard is not None else []
     robot = next((one for one in robots if one.name == request.GET.get("robot")), None)
@@ -34,21 +39,8 @@ def console(request: HttpRequest, slug: str) -> HttpResponse:
     return render(request, "experiments/wizard/console.html", context)
 
 
-def _study_for(request: HttpRequest, slug: str) -> Study:
-    """Return the newest version of a study with a hidden operator, or else the newest.
-
-    Raises:
-        Http404: there is none for whoever asks.
-    """
-    versions = list(Study.objects.filter(slug=slug).order_by("-version"))
-    if not versions or not may_operate_as_wizard(request.user, slug):
-        raise Http404
-    with_operator = (one for one in versions if one.as_definition().wizard is not None)
-    return next(with_operator, versions[0])
-
-
 def _config(robot: Robot) -> dict[str, Any]:
-    """Return what the page's script needs; nothing of it tells a condition."""
+    """Return what the page's script needs; it reveals no condition."""
     factsheet = robot.presence.factsheet or {}
     return {
         "robot": robot.name,

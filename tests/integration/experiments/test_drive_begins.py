@@ -141,7 +141,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     assert isinstance(ask(robot, ben, later(81.0)), store.Queued), (
         "nor does a page that is loaded again begin"
     )
-    assert now_in(study.slug, "en", later(81.0))["robots"][0]["unready"] == "it is not docked"
+    assert now_in(study.slug, later(81.0))["robots"][0]["unready"] == "it is not docked"
 
     stands(robot)  # somebody has put it back
     told = looks(second, 82.0)

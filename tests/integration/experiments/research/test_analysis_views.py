@@ -1,4 +1,4 @@
-"""The analysis page: for members, of what is in the database now, with the sessions behind
+"""The analysis page: members see the current data, with the sessions behind
 everything that it shows.
 """
 
@@ -73,7 +73,7 @@ def pages(client, **query) -> dict[str, str]:
     "address",
     ["", "outcomes/", "tables/table-5/", "sessions/0/", "files/tables/table-5.csv", "dataset.zip"],
 )
-def test_for_whoever_is_no_member_nothing_is_there(stored, client, address):
+def test_the_analysis_is_absent_for_all_but_members(stored, client, address):
     assert client.get(PAGE + address).status_code == 404
     assert client.get(EXPORT).status_code == 404
     client.force_login(person("somebody", is_staff=True))
@@ -142,7 +142,7 @@ def test_the_dataset_is_offered_on_a_page_of_its_own(stored, member, client):
     assert {"free_text", "identified", "snapshots"} <= set(names)
 
 
-def test_every_number_and_every_part_of_a_figure_leads_to_its_sessions_and_they_to_their_replay(
+def test_each_number_and_part_of_a_figure_links_to_sessions_and_their_replays(
     stored, member, client
 ):
     computed(stored.study)
@@ -203,7 +203,7 @@ def test_excluded_sessions_can_be_left_out(stored, member, client):
     assert f"figure-7-session-{code}" not in without
 
 
-def test_what_changes_in_the_database_makes_the_report_another_one(stored):
+def test_a_change_of_the_data_changes_the_key_of_the_report(stored):
     before = analysis_cache.key_of(stored.study, ("participant",))
     assert before == analysis_cache.key_of(stored.study, ("participant",))
     assert before != analysis_cache.key_of(stored.study, ("bot",))
@@ -257,11 +257,11 @@ def test_a_long_table_comes_some_rows_at_a_time(stored, member, client, monkeypa
 
 
 @pytest.mark.parametrize("query", ["version=7", "version=x", "version=99999999999"])
-def test_a_version_that_is_not_there_is_not_found(stored, member, client, query):
+def test_an_unknown_version_is_not_found(stored, member, client, query):
     assert client.get(f"{PAGE}?{query}").status_code == 404
 
 
-def test_of_a_study_that_nobody_took_part_in_the_page_says_so(member, client, stored):
+def test_the_page_of_a_study_without_drives_says_so(member, client, stored):
     Drive.objects.all().delete()
     Participant.objects.all().delete()
     computed(stored.study)
@@ -272,7 +272,7 @@ def test_one_version_has_an_address_of_its_own(stored, member, client):
     assert client.get(reverse("study_analysis", args=[stored.study.pk])).url == f"{PAGE}?version=1"
 
 
-def test_a_viewer_gets_neither_words_nor_photos_nor_names(stored, member, client):
+def test_a_viewer_cannot_export_free_text_photos_or_names(stored, member, client):
     for chosen in ("free_text", "snapshots", "identified"):
         assert client.get(f"{PAGE}dataset.zip", {chosen: "1"}).status_code == 404
     StudyMember.objects.filter(user=member).update(role="researcher")
@@ -353,7 +353,7 @@ def test_page_keeps_its_report_while_the_data_change(stored, member, client):
     assert "report=" not in again[0]
 
 
-def test_computation_that_fails_says_why_and_can_be_tried_again(
+def test_a_failed_computation_shows_its_reason_and_can_be_repeated(
     stored, member, client, monkeypatch
 ):
     progress = '{"measured":0,"sessions":8,"files":0,"seconds":1.2}'
@@ -411,9 +411,7 @@ async def test_the_dataset_is_sent_as_it_is_made_and_it_is_written_down_who_took
     assert (log.fields["user"], log.fields["chosen"]) == (str(member.pk), [])
 
 
-def test_a_page_has_headings_not_captions_and_says_in_what_language_they_are(
-    stored, member, client
-):
+def test_a_page_has_headings_without_full_stops_and_marks_their_language(stored, member, client):
     computed(stored.study)
     client.cookies["django_language"] = "es"
     page = read(client.get(PAGE))

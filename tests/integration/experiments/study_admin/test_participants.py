@@ -77,14 +77,14 @@ def test_a_viewer_sees_codes_and_no_people(client, drive):
         assert [word for word in (NAME, "anna-b", PID) if word in text] == []
 
 
-def test_a_researcher_sees_who_it_is(client, drive):
+def test_a_researcher_sees_the_participants_name(client, drive):
     signed_in(client, "researcher")
     page = read(client.get(change(drive.participant)))
     assert NAME in page.text
     assert change(drive) in [e.attributes.get("href") for e in page.all("a")]
 
 
-def test_what_belongs_to_a_study_of_others_is_not_listed_shown_or_excluded(client, drive):
+def test_rows_of_other_studies_are_not_listed_shown_or_excluded(client, drive):
     signed_in(client, "owner", slug="another")
     for address in (reverse(PEOPLE), reverse(DRIVES)):
         assert drive.participant.code not in client.get(address).content.decode()
@@ -181,7 +181,7 @@ def test_the_page_of_a_drive_has_units_and_times_instead_of_stored_numbers(clien
     assert str(drive.participant_id) not in page.all("h2")[0].text
 
 
-def test_a_rehearsal_tells_whether_it_is_of_the_definition_as_it_is_now(client, drive):
+def test_a_rehearsal_shows_whether_it_is_of_the_current_definition(client, drive):
     signed_in(client, "viewer")
     study = drive.participant.study
     row = Rehearsal.objects.create(
@@ -290,7 +290,7 @@ def test_participants_and_studies_are_filtered(client, drive):
         ), query
 
 
-def test_a_drive_is_excluded_and_taken_back_with_reasons_that_are_noted(client, drive):
+def test_a_drive_is_excluded_and_included_again_with_reasons_on_record(client, drive):
     user = signed_in(client, "researcher")
     assert "Exclude" in read(client.get(change(drive))).text
     client.post(exclude(drive), {"exclude": "1", "reason": "The camera was covered."})

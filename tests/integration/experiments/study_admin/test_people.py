@@ -108,7 +108,7 @@ def made(client, study, **fields) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(file)))
 
 
-def test_links_are_in_the_file_once_and_lead_in(client, study, owner):
+def test_links_are_in_the_file_once_and_enrol_participants(client, study, owner):
     rows = made(client, study, days="7")
     assert [row["label"] for row in rows] == ["Class A 1", "Class A 2", "Class A 3"]
     assert all(
@@ -133,7 +133,7 @@ def test_a_label_is_no_formula_of_a_spreadsheet(client, study, owner):
     ("field", "value"),
     [("count", "0"), ("count", "501"), ("count", "many"), ("days", "-1"), ("access", "everything")],
 )
-def test_links_that_make_no_sense_are_not_made(client, study, owner, field, value):
+def test_links_with_invalid_values_are_not_made(client, study, owner, field, value):
     answer = client.post(
         at("links", study), {"make": "1", "count": "3", "access": "open", field: value}
     )
@@ -213,7 +213,7 @@ def test_all_days_empty_means_always_open(client, study, owner):
 
 
 @pytest.mark.parametrize("text", ["whenever", "9", "9-", "25:00-26:00", "09:70-10:00", "٩-١٠"])
-def test_hours_that_are_none_are_told_at_their_day(client, study, owner, text):
+def test_invalid_hours_show_an_error_at_their_day(client, study, owner, text):
     answer = client.post(at("hours", study), {"time_zone": "UTC", "day_2": text})
     assert answer.status_code == 200
     assert read(answer).all("ul")
@@ -225,12 +225,12 @@ def test_a_made_up_time_zone_is_refused(client, study, owner):
     assert Study.objects.get().time_zone == "UTC"
 
 
-def test_what_is_written_comes_back():
+def test_hours_survive_writing_and_reading():
     hours = [
         {"days": [0, 2], "start": "09:00", "end": "17:00"},
         {"days": [6], "start": "22:00", "end": "02:00"},
     ]
-    assert opening_hours.from_days(opening_hours.told_by_day(hours)) == hours
+    assert opening_hours.from_days(opening_hours.lines_by_day(hours).values()) == hours
     assert opening_hours.summary(hours, "UTC") == "Mon, Wed 09:00-17:00; Sun 22:00-02:00 (UTC)"
 
 
@@ -246,7 +246,7 @@ def invited(client, study, email="nora@example.org", role="researcher") -> str:
     return re.search(r"http://testserver(\S+)", mail.body)[1]
 
 
-def test_somebody_without_an_account_is_invited_and_becomes_a_researcher(client, study, owner):
+def test_a_person_without_an_account_is_invited_and_becomes_a_researcher(client, study, owner):
     link = invited(client, study)
     assert "nora@example.org" in read(client.get(at("members", study))).text
     client.logout()

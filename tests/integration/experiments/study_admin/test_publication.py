@@ -53,7 +53,7 @@ def kept(study):
     return from_stored(Study.objects.get(pk=study.pk).publication)
 
 
-def test_an_owner_writes_them_and_an_export_says_them(client, study, page, tmp_path):
+def test_publication_details_of_an_owner_are_in_the_export(client, study, page, tmp_path):
     assert client.post(page, FILLED).status_code == 302
     assert kept(study).keywords == ("robots", "telepresence")
     assert kept(study).doi == "10.5281/zenodo.1234567"
@@ -76,7 +76,7 @@ def test_an_owner_writes_them_and_an_export_says_them(client, study, page, tmp_p
         ("license", "WTFPL", "Choose one of the licences."),
     ],
 )
-def test_a_problem_is_told_at_its_field_and_nothing_is_kept(
+def test_an_error_is_shown_at_its_field_and_nothing_is_stored(
     client, study, page, field, value, problem
 ):
     told = read(client.post(page, FILLED | {field: value}))
@@ -84,7 +84,7 @@ def test_a_problem_is_told_at_its_field_and_nothing_is_kept(
     assert kept(study).authors == ()
 
 
-def test_an_export_says_what_is_not_filled_in(client, study, page, tmp_path):
+def test_an_export_lists_missing_publication_details(client, study, page, tmp_path):
     told = io.StringIO()
     call_command("export_study", study.slug, out=tmp_path / "e", stdout=io.StringIO(), stderr=told)
     assert "authors, license, funder" in told.getvalue()
@@ -94,7 +94,7 @@ def test_an_export_says_what_is_not_filled_in(client, study, page, tmp_path):
     assert page in shown
 
 
-def test_viewers_see_them_and_change_nothing(client, study, page):
+def test_viewers_see_publication_details_and_cannot_change_them(client, study, page):
     viewer = person("vera", is_staff=True)
     StudyMember.objects.create(slug=study.slug, user=viewer, role="viewer")
     client.force_login(viewer)

@@ -12,7 +12,7 @@ from django.utils import timezone
 
 from experiments.extraction.build import dataset_of
 from experiments.models import Drive, Participant, TaskEvent
-from experiments.rehearsal.replay_check import discrepancies
+from experiments.rehearsal.findings import discrepancies
 from experiments.tasks import finalization
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.finalization import Settler, settle

@@ -193,7 +193,7 @@ async def test_a_console_that_is_gone_stops_the_robot_and_this_is_told(
         assert (stop.role, stop.session, stop.seq) == ("driver", granted.session, 7)
         await until(lambda: bridge.leases[-1][1].driver is None)
         await recorded("wizard_lost")
-        (drive,) = (await sync_to_async(live.now_in)(study.slug, "en", timezone.now()))["drives"]
+        (drive,) = (await sync_to_async(live.now_in)(study.slug, timezone.now()))["drives"]
         assert drive["wizard"]["status"] == "lost"
         # the participant's session goes on, and the next operator drives
         assert not page.told("session/ended")
@@ -294,7 +294,7 @@ def test_the_debriefing_tells_of_the_operator_and_of_the_way_out(client, partici
     assert f"/taking-part/{participant.code}/withdraw/" in page
 
 
-def test_ones_own_data_tells_of_the_operator_after_the_debriefing_and_never_who_it_was(
+def test_own_data_names_the_operator_role_after_the_debriefing_and_never_the_person(
     robot, participant, operator
 ):
     session = p.drive_of(robot, p.assign(participant, "zeta_all_open")).session
