@@ -19,7 +19,6 @@ from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
-from surveys.conditions import Circumstances
 from surveys.definition import Definition, language_for, to_json
 from surveys.document_forms.fields import language_name
 from surveys.documents import spoken
@@ -59,7 +58,7 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
     )
     if not 1 <= number <= len(definition.pages):
         raise Http404
-    reader = Reader(language, seed, {}, Circumstances(), timezone.now(), sees_all=True)
+    reader = Reader(language, seed, timezone.now(), sees_all=True)
     with translation.override(language):
         context: dict[str, Any] = {
             "form": page_form_of(definition, number - 1, reader, range(len(definition.pages))),

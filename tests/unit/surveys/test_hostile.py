@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from surveys.answers import Missing, read_answer
-from surveys.conditions import Circumstances
 from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.item import RefusedError
@@ -118,9 +117,7 @@ def test_a_file_with_one_thing_changed_is_either_right_or_refused_with_a_reason(
     if definition is None:
         return
     assert parse(to_json(definition)) == definition
-    reader = Reader(
-        language="en", seed=1, stored={}, circumstances=Circumstances(), now=NOW, sees_all=True
-    )
+    reader = Reader("en", seed=1, now=NOW, sees_all=True)
     for page in range(len(definition.pages)):
         assert page_form_of(definition, page, reader, range(len(definition.pages))).fieldsets
 
