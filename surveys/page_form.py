@@ -160,7 +160,7 @@ def _control(question: Question, shown: bool, condition: str, reader: Reader) ->
     given = reader.stored.get(key, AnswerValue())
     stored = [] if given.value is None else item.sent(given.value)
     chosen = [value for value in reader.sent.get(key, ()) if value] or stored
-    reasons = reader.sent.get(key + REASON_MARK, ()) or [given.missing]
+    reasons: Sequence[str | None] = reader.sent.get(key + REASON_MARK) or [given.missing]
     offered = [
         (Missing.PREFERRED_NOT, _("Prefer not to answer"), item.prefer_not),
         (Missing.NOT_APPLICABLE, _("Does not apply"), item.not_applicable),

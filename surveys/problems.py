@@ -1,4 +1,4 @@
-"""What is wrong with a questionnaire that somebody wrote, and where it is corrected."""
+"""Problems of questionnaires, and where they are corrected."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -17,11 +17,10 @@ ABOUT = ProblemPlace("about")  # the questionnaire itself
 
 
 def parse(document: bytes) -> Definition:
-    """Return the definition that a JSON document holds.
+    """Return the definition in a JSON document.
 
     Raises:
-        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
-            the first.
+        BadDefinitionError: with all problems, or the only one of JSON or types.
     """
     return checked(
         document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=_("question type")
@@ -29,7 +28,7 @@ def parse(document: bytes) -> Definition:
 
 
 def problems(definition: Definition) -> Iterator[Problem]:
-    """Yield what is wrong with a definition whose types are right."""
+    """Yield the problems of a definition whose types are right."""
     yield from within(_of_the_whole(definition), ABOUT)
     yield from _of_texts(definition)
     for name, points in definition.scales.items():
