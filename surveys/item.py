@@ -176,7 +176,6 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         return (None,)
 
     def keys_asked(self, seed: int | None = None) -> list[str]:
-        """Return the keys of its questions, in this order."""
         return [self.key if row is None else row.key for row in self.rows_asked(seed)]
 
     def points(self, scales: Scales) -> tuple[ScalePoint, ...]:
@@ -428,7 +427,6 @@ def parsed_number(value: str) -> float:
 
 
 def plain(number: float) -> str:
-    """Return a number without needless decimals."""
     return str(int(number)) if number == int(number) else str(number)
 
 

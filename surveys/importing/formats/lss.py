@@ -16,13 +16,8 @@ from django.utils.translation import gettext as _
 
 from surveys.documents import BadDefinitionError, Text
 from surveys.importing import safe_xml
-from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, given
-from surveys.importing.limesurvey_tables import (
-    LimeSurveyGroup,
-    LimeSurveyQuestion,
-    Texts,
-    survey_of,
-)
+from surveys.importing.draft import Draft, Item, SurveyFormat, given, language_of
+from surveys.importing.limesurvey_tables import LimeSurveyRow, survey_of, tables_of
 from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS
@@ -39,20 +34,19 @@ _LINES = {"S": 1, "T": 5, "U": 15}
 
 
 class LimeSurveyConversion(ImportedQuestion):
-    def __init__(self, draft: Draft, note: Note, question: LimeSurveyQuestion) -> None:
-        super().__init__(draft, note, question.title, question.type)
+    def __init__(self, draft: Draft, note: Note, question: LimeSurveyRow) -> None:
+        super().__init__(draft, note, question.get("title"), question.get("type"))
         self.question = question
 
-    def texts_of(self, question: LimeSurveyQuestion, field: str = "question") -> Text:
-        """Return a text of a question or subquestion."""
-        raw = {language: row.get(field, "") for language, row in question.texts.items()}
-        return self.draft.text(raw, self.note)
+    def texts_of(self, question: LimeSurveyRow, column: str = "question") -> Text:
+        """Return a text of a question, subquestion or answer."""
+        return self.draft.text(question.text(column), self.note)
 
     def text(self) -> Text:
         return self.or_name(self.texts_of(self.question))
 
     def common(self) -> Item:
-        wish = self.question.row.get("mandatory", "N")
+        wish = self.question.get("mandatory")
         if wish == "S":
             self.note.changed(_("The file requests an answer; here it is optional."))
         return given(required=wish == "Y", hint=self.texts_of(self.question, "help"))
@@ -68,15 +62,15 @@ class LimeSurveyConversion(ImportedQuestion):
         if self.kind in _WORDED:
             return {code: self.word(name) for code, name in _WORDED[self.kind].items()}
         return {
-            answer.code: self.draft.text(answer.texts, self.note)
+            answer.get("code"): self.texts_of(answer, "answer")
             for answer in self.question.answers
-            if answer.scale == scale_id
+            if answer.row.get("scale_id", "0") == scale_id
         }
 
     def _parts(self, scale_id: str = "0") -> list[tuple[str, Text]]:
         """Return code and text of each subquestion."""
         return [
-            (part.title, self.texts_of(part) or self.draft.same(part.title))
+            (part.get("title"), self.texts_of(part) or self.draft.same(part.get("title")))
             for part in self.question.parts
             if part.row.get("scale_id", "0") in {scale_id, ""}
         ]
@@ -90,12 +84,13 @@ class LimeSurveyConversion(ImportedQuestion):
 
     @property
     def _has_other(self) -> bool:
-        return self.question.row.get("other") == "Y" and self.kind not in _WORDED
+        return self.question.get("other") == "Y" and self.kind not in _WORDED
 
     def _other(self) -> dict[str, Text]:
-        """Return the label of an option with a text of its own, by its code."""
-        own = self._attribute_text("other_replace_text") if self._has_other else {}
-        return {"other": own or self.word("other")} if self._has_other else {}
+        """Return the label of the option with a text field, by its code."""
+        if not self._has_other:
+            return {}
+        return {"other": self._attribute_text("other_replace_text") or self.word("other")}
 
     def _order(self, attribute: str) -> str:
         wanted = self.question.attribute(attribute)
@@ -361,8 +356,12 @@ class Lss(SurveyFormat):
         if root.tag != "document" or kind != "Survey":
             words = _("This is not a LimeSurvey survey structure (its type is “%(kind)s”).")
             raise BadDefinitionError([words % {"kind": kind[:40] or root.tag[:40]}])
-        self.survey = survey_of(root)
-        self.into = Draft("limesurvey", self.label, self.survey.languages)
+        self.tables = tables_of(root)
+        self.survey = survey_of(self.tables)
+        listed = [one.text or "" for one in root.iterfind("languages/language")]
+        named = map(language_of, [self.survey.get("language"), *listed])
+        languages = list(dict.fromkeys(filter(None, named)))
+        self.into = Draft("limesurvey", self.label, languages or ["en"])
 
     @classmethod
     def is_in(cls, document: bytes) -> bool:
@@ -370,30 +369,23 @@ class Lss(SurveyFormat):
 
     def convert(self) -> None:
         into, about = self.into, Note(_("Welcome text"))
-        title = _field(self.survey.texts, "surveyls_title")
-        into.title = into.text(title, Note(""), limit=200)
-        intro = into.joined(
-            self._text(self.survey.texts, "surveyls_description", about),
-            self._text(self.survey.texts, "surveyls_welcometext", about),
-            by="\n\n",
-        )
-        into.intro = into.shortened(intro, about)
-        into.report.notes += [about] if intro else []
-        into.source = f"LimeSurvey, {self.survey.settings.get('sid', '')}".rstrip(", ")
-        for group in self.survey.groups:
+        into.title = into.text(self.survey.text("surveyls_title"), Note(""), limit=200)
+        columns = ("surveyls_description", "surveyls_welcometext")
+        texts = [into.text(self.survey.text(column), about) for column in columns]
+        into.intro = into.shortened(into.joined(*texts, by="\n\n"), about)
+        into.report.notes += [about] if into.intro else []
+        into.source = f"LimeSurvey, {self.survey.get('sid')}".rstrip(", ")
+        for group in self.survey.parts:
             self._take_group(group)
         self._rest()
 
-    def _text(self, texts: Texts, field: str, note: Note) -> Text:
-        return self.into.text(_field(texts, field), note)
-
-    def _take_group(self, group: LimeSurveyGroup) -> None:
-        names = _field(group.texts, "group_name")
+    def _take_group(self, group: LimeSurveyRow) -> None:
+        names = group.text("group_name")
         note = Note(_("Group: %(name)s") % {"name": next(iter(names.values()), "")})
         title = self.into.text(names, note, limit=200)
-        intro = self._text(group.texts, "description", note)
-        condition = self._condition(note, group.row.get("grelevance", ""))
-        if group.row.get("randomization_group"):
+        intro = self.into.text(group.text("description"), note)
+        condition = self._condition(note, group.get("grelevance"))
+        if group.get("randomization_group"):
             note.changed(
                 _(
                     "The random order of groups is not imported: groups are asked in the "
@@ -402,25 +394,25 @@ class Lss(SurveyFormat):
             )
         self.into.report.notes += [note] if note.remarks else []
         self.into.page(title, intro, condition)
-        for question in group.questions:
-            if self.survey.settings.get("format") == "S":
+        for question in group.parts:
+            if self.survey.get("format") == "S":
                 self.into.page(title, None, condition)
             self._ask(question)
 
-    def _ask(self, question: LimeSurveyQuestion) -> None:
+    def _ask(self, question: LimeSurveyRow) -> None:
         texts = question.texts
         shown = texts.get(self.into.languages[0]) or next(iter(texts.values()), {})
-        note = self.into.note(question.title, shown.get("question", ""))
+        note = self.into.note(question.get("title"), shown.get("question", ""))
         with self.into.trying(note):
             if question.attribute("hidden") == "1":
                 raise NotImportedError(_("It is hidden from respondents."))
             asked = LimeSurveyConversion(self.into, note, question)
-            if question.type == "X":
+            if question.get("type") == "X":
                 self.into.introduce(note, asked.texts_of(question))
-                if self._condition(note, question.row.get("relevance", "")):
+                if self._condition(note, question.get("relevance")):
                     note.changed(_("Its condition is not imported: it is shown to everybody."))
             else:
-                condition = self._condition(note, question.row.get("relevance", ""))
+                condition = self._condition(note, question.get("relevance"))
                 self.into.ask(note, asked.items(), condition)
                 self._remark(asked)
 
@@ -432,14 +424,14 @@ class Lss(SurveyFormat):
             for name, words in _UNSUPPORTED.items()
             if question.attribute(name) not in {"", "0", "N"}
         ]
-        for words in [*lost, "validation"] if question.row.get("preg") else lost:
+        for words in [*lost, "validation"] if question.get("preg") else lost:
             note.changed(_("Not imported: %(what)s."), what=words)
-        if any(part.row.get("relevance", "") not in {"", "1"} for part in question.parts):
+        if any(part.get("relevance") not in {"", "1"} for part in question.parts):
             note.changed(_("Conditions of single options are not imported: all are shown."))
-        has_scores = any(answer.score not in {"", "0"} for answer in question.answers)
-        if self.survey.settings.get("assessments") == "Y" and has_scores:
+        has_scores = any(one.get("assessment_value") not in {"", "0"} for one in question.answers)
+        if self.survey.get("assessments") == "Y" and has_scores:
             note.changed(_("Its scores are not imported."))
-        for text in _field(question.texts, "help").values():
+        for text in question.text("help").values():
             asked.note_reversal(text[:200])
 
     def _condition(self, note: Note, expression: str) -> Item | None:
@@ -450,18 +442,13 @@ class Lss(SurveyFormat):
     def _rest(self) -> None:
         nowhere = _("This site has no equivalent.")
         for table, words in _TABLES.items():
-            if self.survey.tables.get(table):
+            if self.tables.get(table):
                 self.into.leave_out(words, nowhere)
-        if self.survey.tables.get("defaultvalues"):
+        if self.tables.get("defaultvalues"):
             self.into.leave_out(
                 "default values", _("Its default answer is not imported: no answer is preselected.")
             )
-        for field in ("surveyls_endtext", "surveyls_policy_notice"):
-            texts = _field(self.survey.texts, field).values()
+        for column in ("surveyls_endtext", "surveyls_policy_notice"):
+            texts = self.survey.text(column).values()
             if text := next((one for one in texts if one.strip()), ""):
-                self.into.leave_out(field, nowhere, text)
-
-
-def _field(texts: Texts, field: str) -> Raw:
-    """Return one column of the rows of several languages."""
-    return {language: row.get(field, "") for language, row in texts.items()}
+                self.into.leave_out(column, nowhere, text)
