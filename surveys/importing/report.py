@@ -1,16 +1,24 @@
 """The report of an import: each part of the file that is changed or left out has a line in it."""
 
+from enum import StrEnum
+
 import msgspec
-from django.db import models
 from django.utils.translation import gettext_lazy
 
 EXCERPT = 120
 
 
-class ImportOutcome(models.TextChoices):
-    IMPORTED = "imported", gettext_lazy("imported")
-    CHANGED = "changed", gettext_lazy("changed")
-    LEFT_OUT = "left_out", gettext_lazy("not imported")
+class ImportOutcome(StrEnum):
+    IMPORTED = "imported"
+    CHANGED = "changed"
+    LEFT_OUT = "left_out"
+
+
+LABELS = {
+    ImportOutcome.IMPORTED: gettext_lazy("imported"),
+    ImportOutcome.CHANGED: gettext_lazy("changed"),
+    ImportOutcome.LEFT_OUT: gettext_lazy("not imported"),
+}
 
 
 class NotImportedError(Exception):
@@ -42,7 +50,7 @@ class Note(msgspec.Struct):
 
     @property
     def label(self) -> str:
-        return str(self.outcome.label)
+        return str(LABELS[self.outcome])
 
 
 class ImportReport(msgspec.Struct):
@@ -54,7 +62,7 @@ class ImportReport(msgspec.Struct):
     def counts(self) -> list[tuple[ImportOutcome, str, int]]:
         """Return each outcome with its label and number of lines."""
         found = [note.outcome for note in self.notes]
-        return [(outcome, str(outcome.label), found.count(outcome)) for outcome in ImportOutcome]
+        return [(outcome, str(label), found.count(outcome)) for outcome, label in LABELS.items()]
 
 
 def clean(text: str) -> str:

@@ -9,7 +9,6 @@ TonisOrmisson/limesurvey-structure-imex (version 630).
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from types import MappingProxyType
 from typing import ClassVar
 
 from django.utils.translation import gettext as _
@@ -23,7 +22,7 @@ from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS
 
 _NO_COUNTERPART = {"|": "file upload", "*": "equation", "I": "language switch"}
-# Answers that LimeSurvey does not write into the file, by the letter of the question.
+# Answers that are not in the file, by the type of the question.
 _WORDED = {
     "Y": {"Y": "yes", "N": "no"},
     "G": {"F": "female", "M": "male"},
@@ -170,7 +169,7 @@ class LimeSurveyConversion(ImportedQuestion):
         if self.kind in {"A", "B"}:
             numbers = range(1, 6 if self.kind == "A" else 11)
             values = {str(n): n for n in numbers}
-            return [self._grid(self.numbered(numbers, {}, {}), values)]
+            return [self._grid(self.numbered(numbers, {}, {}), values, {})]
         answers = self._answers()
         if self.kind == "H":
             self.note.changed(_("Its columns become rows."))
@@ -180,25 +179,23 @@ class LimeSurveyConversion(ImportedQuestion):
             )
             fields = {"kind": "single", "options": list(self.options(answers).values())}
             return self._by_part(fields, _("Each row becomes a separate question."))
-        name, values, reasons = self.scale({code: (code, one) for code, one in answers.items()})
-        return [self._grid(name, values, reasons)]
+        return [self._grid(*self.scale({code: (code, one) for code, one in answers.items()}))]
 
     def two_scales(self) -> list[Item]:
         """1: subquestions on two scales."""
         self.note.changed(_("Its two scales become two questions."))
         items = []
-        for scale_id, letter in (("0", "A"), ("1", "B")):
+        for scale_id, header in (("0", "dualscale_headerA"), ("1", "dualscale_headerB")):
             labels = self._answers(scale_id)
-            name, values, reasons = self.scale({code: (code, one) for code, one in labels.items()})
-            heading = self._attribute_text(f"dualscale_header{letter}")
-            items.append(self._grid(name, values, reasons, (scale_id,), heading))
+            scale = self.scale({code: (code, one) for code, one in labels.items()})
+            items.append(self._grid(*scale, (scale_id,), self._attribute_text(header)))
         return items
 
     def _grid(
         self,
         scale: str,
         values: Mapping[str, int],
-        reasons: Mapping[str, bool] = MappingProxyType({}),
+        reasons: Mapping[str, bool],
         endings: tuple[str, ...] = (),
         heading: Text | None = None,
     ) -> Item:
@@ -224,9 +221,9 @@ class LimeSurveyConversion(ImportedQuestion):
             least, most = self._number("multiflexible_min"), self._number("multiflexible_max")
             content |= given(minimum=least, maximum=most)
         parts = (
-            (self.key(row, column), self.draft.joined(label, column_label), content)
+            (self.key(row, column), self.draft.joined(label, heading), content)
             for row, label in self._parts()
-            for column, column_label in columns
+            for column, heading in columns
         )
         return self.apart(_("Each cell becomes a separate question."), parts)
 
@@ -326,7 +323,7 @@ _COMPARISON = re.compile(
     \s*(?:==|\beq\b)\s*(?P<answer>"[^"]*"|'[^']*'|-?\d+)""",
     re.VERBOSE,
 )
-# Attributes that change what is asked and have no counterpart, with what is said of them.
+# Attributes of questions without a counterpart, with their names for people.
 _UNSUPPORTED = {
     "array_filter": "array filter",
     "array_filter_exclude": "array filter",
@@ -336,7 +333,7 @@ _UNSUPPORTED = {
     "random_group": "random group",
     "other_comment_mandatory": "mandatory comment",
 }
-# Tables of the file that have no counterpart, with their names for people.
+# Tables without a counterpart, with their names for people.
 _TABLES = {
     "quota": "quotas",
     "assessments": "assessments",
@@ -386,12 +383,10 @@ class Lss(SurveyFormat):
         intro = self.into.text(group.text("description"), note)
         condition = self._condition(note, group.get("grelevance"))
         if group.get("randomization_group"):
-            note.changed(
-                _(
-                    "The random order of groups is not imported: groups are asked in the "
-                    "written order."
-                )
+            words = _(
+                "The random order of groups is not imported: groups are asked in the written order."
             )
+            note.changed(words)
         self.into.report.notes += [note] if note.remarks else []
         self.into.page(title, intro, condition)
         for question in group.parts:
@@ -417,7 +412,6 @@ class Lss(SurveyFormat):
                 self._remark(asked)
 
     def _remark(self, asked: LimeSurveyConversion) -> None:
-        """Note what of a question is not imported."""
         note, question = asked.note, asked.question
         lost = [
             words
@@ -445,9 +439,8 @@ class Lss(SurveyFormat):
             if self.tables.get(table):
                 self.into.leave_out(words, nowhere)
         if self.tables.get("defaultvalues"):
-            self.into.leave_out(
-                "default values", _("Its default answer is not imported: no answer is preselected.")
-            )
+            reason = _("Its default answer is not imported: no answer is preselected.")
+            self.into.leave_out("default values", reason)
         for column in ("surveyls_endtext", "surveyls_policy_notice"):
             texts = self.survey.text(column).values()
             if text := next((one for one in texts if one.strip()), ""):
