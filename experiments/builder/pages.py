@@ -29,8 +29,8 @@ from experiments.definition.steps import KINDS
 from experiments.definition.wizard import WizardStage
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
+from surveys.document_forms.part_form import number
 from surveys.document_forms.parts import Document, in_languages, read_points
-from surveys.document_forms.submitted import number
 
 # What of the study itself is on which page, and the classes of what stands in lists.
 PAGES: Mapping[str, Collection[str]] = {

@@ -74,9 +74,9 @@ from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
+from surveys.document_forms.part_form import MEANWHILE, SubmittedPart, number, pressed
 from surveys.document_forms.parts import Document, change
 from surveys.document_forms.problem_text import by_place, text_name
-from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
 from surveys.documents import ChangedMeanwhileError, Problem
 from surveys.editor.views import leads_here
 
