@@ -97,12 +97,13 @@ def _of_scale(points: Sequence[ScalePoint]) -> Iterator[Problem]:
 def _of_conditions(definition: Definition) -> Iterator[Problem]:
     known: dict[str, Question] = {}
     for page in definition.pages:
-        yield from _of_page(_of_condition(page.show_if, known), page)
+        found = within(_of_condition(page.show_if, known), None, "show_if")
+        yield from _of_page(found, page)
         here: dict[str, Question] = {}
         for item in page.items:
             # The order of a shuffled page is not known; a later page always is later.
             reach = known if page.order == "shuffled" else known | here
-            found = _of_condition(item.show_if, reach)
+            found = within(_of_condition(item.show_if, reach), None, "show_if")
             yield from within(found, _place_of(item), item.key)
             here |= {key: definition.by_key[key] for key in item.keys_asked()}
         known |= here
@@ -111,13 +112,8 @@ def _of_conditions(definition: Definition) -> Iterator[Problem]:
 def _of_condition(
     condition: ItemCondition | None, earlier: Mapping[str, Question]
 ) -> Iterator[Problem]:
-    if condition is not None:
-        yield from within(_of_what_is_asked(condition, earlier), None, "show_if")
-
-
-def _of_what_is_asked(
-    condition: ItemCondition, earlier: Mapping[str, Question]
-) -> Iterator[Problem]:
+    if condition is None:
+        return
     if not (condition.robot or condition.outcome or condition.item):
         yield Problem(_("Choose when it is shown, or remove the condition."))
     if bool(condition.item) != (bool(condition.one_of) or condition.is_bounded):

@@ -42,6 +42,11 @@ def shipped() -> Mapping[str, Definition]:
     return {definition.slug: definition for definition in definitions}
 
 
+def shipped_and_not_stored() -> list[Definition]:
+    known = set(Questionnaire.objects.values_list("slug", "version"))
+    return [one for slug, one in shipped().items() if (slug, one.version) not in known]
+
+
 def listed_title(slug: str, title: str) -> str:
     """Return a questionnaire's title in lists for researchers: "NASA-TLX: The effort it took"."""
     return f"{INSTRUMENTS[slug]}: {title}" if slug in INSTRUMENTS else title

@@ -261,15 +261,12 @@ def _write(
         if (seconds := saving.seconds.get(question.key)) is not None:
             elapsed = (saving.now - response.started_at).total_seconds()
             fields["seconds"] = round(min(max(seconds, 0.0), elapsed, MAX_SECONDS), 2)
-        _write_row(response, question.key, fields, saving)
+        first = {"first_at": saving.now, **fields}
+        slot = {"response": response, "item": question.key}
+        row, is_new = Answer.objects.get_or_create(**slot, defaults=first)
+        if not is_new:
+            older = Answer.objects.filter(pk=row.pk)
+            if saving.writer:
+                older = older.exclude(writer=saving.writer, writing__gte=saving.writing)
+            older.update(**fields)
     Response.objects.filter(pk=response.pk).update(seen_at=saving.now)
-
-
-def _write_row(response: Response, key: str, fields: dict[str, Any], saving: Saving) -> None:
-    first = {"first_at": saving.now, **fields}
-    row, is_new = Answer.objects.get_or_create(response=response, item=key, defaults=first)
-    if not is_new:
-        older = Answer.objects.filter(pk=row.pk)
-        if saving.writer:
-            older = older.exclude(writer=saving.writer, writing__gte=saving.writing)
-        older.update(**fields)

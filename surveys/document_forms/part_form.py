@@ -13,6 +13,7 @@ of the class, if there is one.
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any, ClassVar
 
 import msgspec
@@ -145,7 +146,10 @@ class PartForm(FormLayout, forms.Form):
             if member.key in absent or member.called in self._decided:
                 continue
             if member.kinds:
-                yield from self._of_a_kind(member, value, name)
+                if value is not None:
+                    kind = value["kind"]
+                    inner = list(self._parts(member.kinds[kind], value, f"{name}."))
+                    yield Group(name, member, inner, kind=kind)
             elif member.part is not None:
                 switch = f"{name}.on" if member.has_none else ""
                 inner = list(self._parts(member.part, value or {}, f"{name}."))
@@ -169,19 +173,11 @@ class PartForm(FormLayout, forms.Form):
             one = text_field(member, language)
             yield self.add(f"{name}.{language}", one, written.get(language, ""))
 
-    def _of_a_kind(self, member: AskedField, value: Any, name: str) -> Iterator[Group]:
-        if value is not None:
-            kind = value["kind"]
-            inner = list(self._parts(member.kinds[kind], value, f"{name}."))
-            yield Group(name, member, inner, kind=kind)
-
     def _items(self, member: AskedField, values: list[Document], name: str) -> Iterator[Group]:
-        for n, value in enumerate(values):
-            inner = list(self._parts(member.listed, value, f"{name}.{n}."))
-            last = n == len(values) - 1
-            one = f"{name}.{n}"
-            was = value.get("was", value.get("key", ""))
-            yield Group(one, member, inner, number=n + 1, was=was, is_last=last)
+        for n, value in enumerate(values, start=1):
+            one, was = f"{name}.{n - 1}", value.get("was", value.get("key", ""))
+            inner = list(self._parts(member.listed, value, f"{one}."))
+            yield Group(one, member, inner, number=n, was=was, is_last=n == len(values))
 
     def add(self, name: str, one: ValueField, value: Any) -> forms.BoundField:
         self.fields[name], self.initial[name] = one, value
@@ -207,28 +203,22 @@ class PartForm(FormLayout, forms.Form):
         if member.kinds:
             kind = sent.get(f"{name}.kind")
             part = member.kinds.get(kind)
-            inner = {} if part is None else cls.read(part, sent, prefix=f"{name}.")
-            return None if part is None else {"kind": kind} | inner
+            return part and {"kind": kind} | cls.read(part, sent, prefix=f"{name}.")
         if member.part is not None:
             is_off = member.has_none and f"{name}.on" not in sent
             return None if is_off else cls.read(member.part, sent, prefix=f"{name}.")
         if member.listed is not None:
-            numbered = is_numbered(member)
-            return [
-                ({"number": n} if numbered else {})
-                | cls.read(member.listed, sent, prefix=f"{name}.{n}.")
-                for n in range(_count(sent, name))
-            ]
+            # Each part has a field of its name, even when it is empty.
+            places = takewhile(lambda n: f"{name}.{n}" in sent, range(MOST_LISTED))
+            parts = [cls.read(member.listed, sent, prefix=f"{name}.{n}.") for n in places]
+            if is_numbered(member):
+                return [{"number": n} | part for n, part in enumerate(parts)]
+            return parts
         if isinstance(member.shape, inspect.DictType):
             keys = [key for key in sent if key.startswith(f"{name}.")]
             texts = {key.removeprefix(f"{name}."): text_of(sent.get(key)) for key in keys}
             return {language: text for language, text in texts.items() if text}
         return field_of(member).to_python(sent.getlist(name))
-
-
-def _count(sent: Any, name: str) -> int:
-    """Return the number of parts of a list that were sent: each has a field `<name>.<n>`."""
-    return next((n for n in range(MOST_LISTED) if f"{name}.{n}" not in sent), MOST_LISTED)
 
 
 # --- what was submitted ---------------------------------------------------------------------------

@@ -43,10 +43,12 @@ class AskedField:
 
 
 def members(guide: FormGuide, cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
-    fields = msgspec.structs.fields(cls)
-    found = [_member(guide, one, cls) for one in fields if not guide.is_hidden(cls, one.name)]
-    found.sort(key=lambda one: one.key in guide.last)
-    return [one for one in found if not only or one.key in only]
+    found = [
+        _member(guide, one, cls)
+        for one in msgspec.structs.fields(cls)
+        if not guide.is_hidden(cls, one.name) and (not only or one.encode_name in only)
+    ]
+    return sorted(found, key=lambda one: one.key in guide.last)
 
 
 def _member(guide: FormGuide, one: Any, cls: type[Any]) -> AskedField:
@@ -69,15 +71,12 @@ def _inner(shape: inspect.Type) -> list[inspect.Type]:
 
 def choices_of(member: AskedField) -> tuple[str, ...]:
     """Return the values of a Literal or of a list of them, in written order; else none."""
-    inner = member.shape.item_type if isinstance(member.shape, inspect.VarTupleType) else None
-    if isinstance(member.shape, inspect.LiteralType):
-        return tuple(literals(member.annotation))
-    is_listed = isinstance(inner, inspect.LiteralType)
-    return tuple(literals(get_args(member.annotation)[0])) if is_listed else ()
+    inner = getattr(member.shape, "item_type", member.shape)
+    return tuple(literals(member.annotation)) if isinstance(inner, inspect.LiteralType) else ()
 
 
 def literals(annotation: Any) -> Iterator[str]:
-    """Yield the texts of a Literal, or of those in a union; `msgspec.inspect` has sorted them."""
+    """Yield the texts of each Literal in an annotation; `msgspec.inspect` would sort them."""
     for one in get_args(annotation):
         if get_origin(one) is not None:
             yield from literals(one)

@@ -194,24 +194,24 @@ class ImportedQuestion:
         return self.draft.scale(points)
 
     def scale(
-        self, answers: Mapping[str, tuple[str, Text]]
+        self, labels: Mapping[str, Text], codes: Mapping[str, str] | None = None
     ) -> tuple[str, dict[str, int], dict[str, bool]]:
         """Return the scale of a grid: its name, its values by answer, and the reasons for not
-        answering (`not_applicable`, `prefer_not`). `answers` have a code and a label, in the order
-        shown.
+        answering (`not_applicable`, `prefer_not`). `labels` are by answer in the order shown; an
+        answer without one of the `codes` is its own.
         """
         reasons: dict[str, bool] = {}
-        kept = dict(answers)
+        kept = dict(labels)
         remark = _("“%(label)s” becomes a reason for not answering, not a point of the scale.")
         for name, pattern in _REASONS.items():
-            for answer, (_code, label) in list(kept.items()):
+            for answer, label in list(kept.items()):
                 words = (text.strip(" .()") for text in label.values())
                 if len(kept) > MIN_POINTS and any(pattern.fullmatch(one) for one in words):
                     reasons[name] = True
                     del kept[answer]
                     self.note.changed(remark, label=label[self.draft.languages[0]])
-        values = self._scale_values({answer: code for answer, (code, _label) in kept.items()})
-        points = [(values[answer], label) for answer, (_code, label) in kept.items()]
+        values = self._scale_values({answer: (codes or {}).get(answer, answer) for answer in kept})
+        points = [(values[answer], label) for answer, label in kept.items()]
         if MIN_POINTS <= len(points) <= MAX_POINTS:
             for n in (0, -1):
                 value, label = points[n]

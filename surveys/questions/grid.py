@@ -20,9 +20,9 @@ class Grid(ScaleItem, frozen=True, kw_only=True, tag="grid"):
     order: Order = "fixed"
 
     def rows_asked(self, seed: int | None = None) -> Sequence[Row]:
-        return (
-            self.rows if seed is None else ordered(self.rows, self.order, seed, f"rows {self.key}")
-        )
+        if seed is None:
+            return self.rows
+        return ordered(self.rows, self.order, seed, f"rows {self.key}")
 
     def problems(self, scales: Scales) -> Iterator[Problem]:
         yield from super().problems(scales)

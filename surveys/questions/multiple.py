@@ -37,9 +37,8 @@ class Multiple(OptionsItem, frozen=True, kw_only=True, tag="multiple"):
         chosen = [option for option in self.options if option.value in ticked]
         is_alone = any(option.alone for option in chosen)
         if len(chosen) > 1 and is_alone:
-            raise RefusedError(
-                _("One of your choices excludes the others. Choose it alone, or remove it.")
-            )
+            words = _("One of your choices excludes the others. Choose it alone, or remove it.")
+            raise RefusedError(words)
         if len(chosen) < self.at_least and not is_alone:
             raise RefusedError(_("Choose at least %(n)d.") % {"n": self.at_least})
         if self.at_most is not None and len(chosen) > self.at_most:

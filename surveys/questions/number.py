@@ -38,7 +38,6 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
             yield Problem(gettext_noop("The minimum is greater than the maximum."))
 
     def greatest(self, now: datetime.datetime) -> float | None:
-        """Return the upper bound; None without one."""
         year = item.day_at(now, item.EASTERNMOST).year
         return year if isinstance(self.maximum, str) else self.maximum
 
@@ -62,6 +61,5 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
             "inputmode": "numeric" if self.whole else "decimal",
             **{name: plain(bound) for name, bound in bounds.items() if bound is not None},
         }
-        return self.entry(
-            chosen, attributes, type="number", unit=spoken(self.unit, viewing.language)
-        )
+        unit = spoken(self.unit, viewing.language)
+        return self.entry(chosen, attributes, type="number", unit=unit)

@@ -38,17 +38,15 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
 
     def problems(self, scales: item.Scales) -> Iterator[Problem]:
         if self.minimum >= self.maximum or (self.maximum - self.minimum) % self.step:
-            yield Problem(
-                gettext_noop("The maximum must be above the minimum by a multiple of the step.")
-            )
+            words = gettext_noop("The maximum must be above the minimum by a multiple of the step.")
+            yield Problem(words)
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> int:
         number = item.parsed_number(values[0])
         if number not in self.score_values(()):
-            words = {"least": self.minimum, "greatest": self.maximum, "step": self.step}
-            raise RefusedError(
-                _("Enter a number from %(least)d to %(greatest)d in steps of %(step)d.") % words
-            )
+            bounds = {"least": self.minimum, "greatest": self.maximum, "step": self.step}
+            words = _("Enter a number from %(least)d to %(greatest)d in steps of %(step)d.")
+            raise RefusedError(words % bounds)
         return int(number)
 
     def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
@@ -58,9 +56,7 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
         return self.low, self.high
 
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return an input for a number between its ends; a script puts a slider beside it
-        (static/js/pages/survey/slider.js).
-        """
+        """Return an input for a number, to which static/js/pages/survey/slider.js adds a slider."""
         low, high = (spoken(end, viewing.language) for end in (self.low, self.high))
         bounds = {"min": self.minimum, "max": self.maximum, "step": self.step}
         attributes = bounds | {"inputmode": "numeric"}

@@ -179,15 +179,14 @@ class LimeSurveyConversion(ImportedQuestion):
             )
             fields = {"kind": "single", "options": list(self.options(answers).values())}
             return self._by_part(fields, _("Each row becomes a separate question."))
-        return [self._grid(*self.scale({code: (code, one) for code, one in answers.items()}))]
+        return [self._grid(*self.scale(answers))]
 
     def two_scales(self) -> list[Item]:
         """1: subquestions on two scales."""
         self.note.changed(_("Its two scales become two questions."))
         items = []
         for scale_id, header in (("0", "dualscale_headerA"), ("1", "dualscale_headerB")):
-            labels = self._answers(scale_id)
-            scale = self.scale({code: (code, one) for code, one in labels.items()})
+            scale = self.scale(self._answers(scale_id))
             items.append(self._grid(*scale, (scale_id,), self._attribute_text(header)))
         return items
 

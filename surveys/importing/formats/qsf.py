@@ -184,9 +184,7 @@ class QualtricsConversion(ImportedQuestion):
             return self._choices_by_row("single")
         if self.sub_selector not in {"", "SingleAnswer"}:
             self.note.changed(_("It becomes statements on a scale."))
-        codes = self._codes(answers)
-        scale = self.scale({one: (codes[one], label) for one, label in answers.items()})
-        return [self._grid(*scale)]
+        return [self._grid(*self.scale(answers, self._codes(answers)))]
 
     def _grid(self, scale: str, values: Mapping[str, int], reasons: Mapping[str, bool]) -> Item:
         key = self.key()
@@ -424,11 +422,14 @@ class Qsf(SurveyFormat):
 
     # the order of the blocks
 
-    def _blocks_in_order(self) -> Iterator[dict[str, Any]]:
+    def _blocks_in_order(self) -> list[dict[str, Any]]:
         flow = mapping(self.payloads.get("FL")).get("Flow")
         order = list(self._flow(flow)) if isinstance(flow, list) else list(self.blocks)
-        found = (self.blocks[one] for one in dict.fromkeys(order) if one in self.blocks)
-        yield from (block for block in found if block.get("Type") != "Trash")
+        return [
+            self.blocks[one]
+            for one in dict.fromkeys(order)
+            if one in self.blocks and self.blocks[one].get("Type") != "Trash"
+        ]
 
     def _flow(self, flow: list[Any], depth: int = 0) -> Iterator[str]:
         """Yield the ids of the blocks in the order of the flow, and report its other parts."""

@@ -175,8 +175,7 @@ class RedcapField(ImportedQuestion):
 
     def grid(self, fields: Sequence["RedcapField"], heading: Text) -> Item:
         """Return the grid of a matrix of radio buttons, of which this is the first field."""
-        labels = {code: (code, one) for code, one in self._labels().items()}
-        name, values, reasons = self.scale(labels)
+        name, values, reasons = self.scale(self._labels())
         required = [bool(field.common().get("required")) for field in fields]
         if any(required) and not all(required):
             self.note.changed(
