@@ -48,11 +48,8 @@ def read_answer(
     question: Question, fields: Mapping[str, Sequence[str]], now: datetime.datetime
 ) -> AnswerValue:
     """Return the answer to a question in the fields of a page, sent at `now`; no answer is SKIPPED,
-    whether or not that is allowed.
-
-    Raises:
-        RefusedError: the value is of the wrong kind, out of bounds, or a reason that the question
-            does not offer.
+    whether or not that is allowed. Raises RefusedError for a value of the wrong kind or out of
+    bounds, and for a reason that the question does not offer.
     """
     item = question.item
     sent = [
@@ -74,7 +71,6 @@ def read_answer(
 
 
 def check_complete(question: Question, given: AnswerValue) -> None:
-    """Raise RefusedError when a required answer was left empty."""
     if given.is_left_empty and question.item.required:
         raise RefusedError(_("Answer this question."))
 

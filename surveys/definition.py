@@ -24,8 +24,6 @@ else:
 
 
 class Page(DocumentPart, frozen=True, kw_only=True):
-    """What is on the screen at once."""
-
     key: Key
     title: Text = {}
     intro: Text = {}
@@ -38,8 +36,6 @@ class Page(DocumentPart, frozen=True, kw_only=True):
 
 
 class QuestionTopic(DocumentPart, frozen=True, kw_only=True):
-    """Questions that are reported together."""
-
     key: Key
     text: Text
     items: tuple[str, ...]
@@ -65,7 +61,6 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
     scoring: ScoringRule | Literal["none"] = "none"
 
     def questions(self) -> Collection[Question]:
-        """Return the questions in written order."""
         return self.by_key.values()
 
     def question(self, key: str) -> Question | None:

@@ -141,10 +141,8 @@ def checked(
     kind_name: str,
 ) -> T:
     """Return the content of a JSON document of at most `limit` bytes without problems. `kinds` are
-    the tags of its parts that come in several kinds, `kind_name` is their name for people.
-
-    Raises:
-        BadDefinitionError: with the first hundred problems, or the only one of JSON or types.
+    the tags of its parts that come in several kinds, `kind_name` is their name for people. Raises
+    BadDefinitionError with the first hundred problems, or the only one of JSON or types.
     """
     if len(document) > limit:
         words = _("The file is larger than %(n)d kB.")

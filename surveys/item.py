@@ -43,9 +43,6 @@ class RefusedError(ValueError):
     """An answer that its question does not allow; says why in the language of the page."""
 
 
-# --- parts of a definition ------------------------------------------------------------------------
-
-
 class ItemCondition(DocumentPart, frozen=True, kw_only=True):
     """`show_if`: all that is set must hold. `is` and the bounds are about the answer to the earlier
     question `item`.
@@ -88,9 +85,6 @@ class Row(DocumentPart, frozen=True, kw_only=True):
     reverse: bool = False
 
 
-# --- what a page draws ----------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Choice:
     """One thing to tick. `value` is what the page sends."""
@@ -128,9 +122,6 @@ class Widget:
     is_scale: bool = False
 
 
-# --- items ----------------------------------------------------------------------------------------
-
-
 class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
     """What all items have. The defaults are those of a question with one input on the page and one
     value in the answer. `prefer_not` and `not_applicable` offer reasons for not answering; an
@@ -166,10 +157,7 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
 
     @property
     def kind(self) -> str:
-        """The name of its type in a definition."""
         return str(self.__struct_config__.tag)
-
-    # what it is made of
 
     def rows_asked(self, seed: int | None = None) -> Sequence[Row | None]:
         """Return its questions in the order of a seed, or as written; None is the item itself."""
@@ -186,14 +174,9 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """Yield what is wrong with it beyond types and texts."""
         yield from ()
 
-    # answers
-
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> Any:
         """Return the value to be stored (int, float, str, list of str) for the values that the page
-        sent, of which none is empty.
-
-        Raises:
-            RefusedError: the question does not allow it.
+        sent, of which none is empty. Raises RefusedError when the question does not allow it.
         """
         raise NotImplementedError
 
@@ -233,8 +216,6 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         """Return the cells of these columns for a stored value; None is no answer."""
         return ("" if value is None else one_cell(value),)
 
-    # pages
-
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return what the page draws; `chosen` is what the page would send now."""
         raise NotImplementedError
@@ -258,8 +239,6 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
 
 
 class ScaleItem(Item, frozen=True, kw_only=True):
-    """An item whose answers are points of a scale of the questionnaire."""
-
     has_reason_choices: ClassVar[bool] = True
     is_number: ClassVar[bool] = True
     scored_by: ClassVar[Collection[ScoringRule]] = ("likert", "topics", "sus")
@@ -297,8 +276,6 @@ class ScaleItem(Item, frozen=True, kw_only=True):
 
 
 class OptionsItem(Item, frozen=True, kw_only=True):
-    """An item whose answers are among listed options."""
-
     options: tuple[Option, ...]
     order: Order = "fixed"
 
@@ -323,9 +300,6 @@ class OptionsItem(Item, frozen=True, kw_only=True):
             for one in self.options_shown(viewing.seed)
         )
         return Widget("surveys/_choices.html", self.kind, choices=tuple(choices))
-
-
-# --- questions ------------------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -362,7 +336,6 @@ class Question:
 
     @property
     def is_reversed(self) -> bool:
-        """Whether its definition says that scores count its answer from the other end."""
         return bool(getattr(self.row or self.item, "reverse", False))
 
     def from_other_end(self, value: float) -> float:
@@ -381,9 +354,6 @@ class Question:
             elif one.name == "options":
                 own += [option.label for option in value]
         return sha256("\x1f".join(text.get(language, "") for text in own).encode()).hexdigest()[:12]
-
-
-# --- what several types share ---------------------------------------------------------------------
 
 
 def ordered(things: Iterable[T], order: Order, seed: int, name: str) -> list[T]:

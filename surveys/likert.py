@@ -107,9 +107,6 @@ def half_width(sd: float | None, n: int, level: float, interval: Interval) -> fl
     return quantile * sd / math.sqrt(n)
 
 
-# --- the table of a questionnaire -----------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class LikertRow:
     """A row of the table, which pools `statements` (keys). `key` is empty for the overall row;
@@ -133,10 +130,8 @@ def likert_table(
     overall: str,
 ) -> list[LikertRow]:
     """Return the rows of a questionnaire from values of `Definition.coded`, with labels in a
-    language; `overall` is that of the first row.
-
-    Raises:
-        ValueError: its scoring is not `likert`.
+    language; `overall` is that of the first row. Raises ValueError when its scoring is not
+    `likert`.
     """
     if definition.scoring != "likert":
         raise ValueError(f"{definition.slug} is not scored as statements on one scale")

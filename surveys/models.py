@@ -91,7 +91,6 @@ class Response(models.Model):
 
     @property
     def respondent(self) -> str:
-        """Who answers: a user's id or the anonymous key."""
         return str(self.user_id) if self.user_id is not None else self.respondent_key
 
     @property
@@ -112,8 +111,6 @@ class Answer(models.Model):
     """The answer to one question: `value`, or in `missing` the reason why there is none."""
 
     class Reason(models.TextChoices):
-        """Why there is no value."""
-
         SKIPPED = Missing.SKIPPED.value, _("skipped")
         PREFERRED_NOT = Missing.PREFERRED_NOT.value, _("preferred not to answer")
         NOT_APPLICABLE = Missing.NOT_APPLICABLE.value, _("not applicable")

@@ -17,10 +17,8 @@ ABOUT = ProblemPlace("about")  # the questionnaire itself
 
 
 def parse(document: bytes) -> Definition:
-    """Return the definition in a JSON document.
-
-    Raises:
-        BadDefinitionError: with all problems, or the only one of JSON or types.
+    """Return the definition in a JSON document. Raises BadDefinitionError with all problems, or the
+    only one of JSON or types.
     """
     return checked(
         document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=_("question type")

@@ -58,10 +58,8 @@ def named_by(term: str) -> list[str]:
 
 
 def store(definition: Definition, now: datetime.datetime) -> Questionnaire:
-    """Store a questionnaire, or return the row that has the same content already.
-
-    Raises:
-        BadDefinitionError: it has problems, or its version is in use with other content.
+    """Store a questionnaire, or return the row that has the same content already. Raises
+    BadDefinitionError when it has problems, or its version is in use with other content.
     """
     if found := list(problems(definition)):
         raise BadDefinitionError(found)
@@ -97,10 +95,8 @@ def store_next(
     definition: Definition, report: ImportReport, now: datetime.datetime
 ) -> tuple[Questionnaire, bool]:
     """Store an imported questionnaire with its report as the next version of its name. Return the
-    row, and whether it is new: the newest version may be the same.
-
-    Raises:
-        BadDefinitionError: it has problems, or others keep storing versions of this name.
+    row, and whether it is new: the newest version may be the same. Raises BadDefinitionError when
+    it has problems, or others keep storing versions of this name.
     """
     if found := list(problems(definition)):
         raise BadDefinitionError(found)
@@ -125,16 +121,11 @@ def _fields(definition: Definition) -> dict[str, Any]:
     }
 
 
-# --- drafts ---------------------------------------------------------------------------------------
-
-
 def begin_empty(
     slug: str, title: str, languages: Sequence[str], now: datetime.datetime
 ) -> Questionnaire:
-    """Store a draft of one page with one question without a text.
-
-    Raises:
-        BadDefinitionError: there is a questionnaire of that name.
+    """Store a draft of one page with one question without a text. Raises BadDefinitionError when
+    there is a questionnaire of that name.
     """
     question = {"kind": "text", "key": "q1", "text": {}}
     document = {
@@ -153,10 +144,8 @@ def begin_empty(
 
 
 def save_draft(questionnaire: Questionnaire, definition: Definition) -> Questionnaire:
-    """Store a changed draft, complete or not; name and version stay.
-
-    Raises:
-        ChangedMeanwhileError: it is in use, or has changed since it was read.
+    """Store a changed draft, complete or not; name and version stay. Raises ChangedMeanwhileError
+    when it is in use, or has changed since it was read.
     """
     slug, version = questionnaire.slug, questionnaire.version
     named = msgspec.structs.replace(definition, slug=slug, version=version)
@@ -189,14 +178,9 @@ def is_usable(questionnaire: Questionnaire) -> bool:
     return not questionnaire.definition.get("template") and not problems_of(questionnaire)
 
 
-# --- versions -------------------------------------------------------------------------------------
-
-
 def current(slug: str, now: datetime.datetime) -> Questionnaire:
     """Return the newest version of a questionnaire; one that comes with the site is stored first.
-
-    Raises:
-        Questionnaire.DoesNotExist: there is none of this name.
+    Raises Questionnaire.DoesNotExist when there is none of this name.
     """
     if row := Questionnaire.objects.filter(slug=slug).order_by("-version").first():
         return row
@@ -206,10 +190,8 @@ def current(slug: str, now: datetime.datetime) -> Questionnaire:
 
 
 def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
-    """Return the row, which cannot change from now on.
-
-    Raises:
-        BadDefinitionError: it is a template or has problems.
+    """Return the row, which cannot change from now on. Raises BadDefinitionError when it is a
+    template or has problems.
     """
     while questionnaire.frozen_at is None:
         if questionnaire.as_definition().template:

@@ -13,10 +13,8 @@ T = TypeVar("T")
 
 def family(package: str, path: Iterable[str], base: type[T]) -> dict[str, type[T]]:
     """Return the one subclass of `base` in each module of a package (its `__name__` and `__path__`)
-    by the module's name, in alphabetical order.
-
-    Raises:
-        TypeError: a module has none, several, or a msgspec class with another tag than its name.
+    by the module's name, in alphabetical order. Raises TypeError when a module has none, several,
+    or a msgspec class with another tag than its name.
     """
     names = sorted(module.name for module in iter_modules(path))
     return {name: _class_in(import_module(f"{package}.{name}"), name, base) for name in names}

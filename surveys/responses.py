@@ -83,7 +83,6 @@ class PageResult:
 
     @property
     def is_done(self) -> bool:
-        """Whether the respondent leaves the page."""
         return not self.errors and not self.more_appeared
 
 
@@ -97,10 +96,8 @@ def begin(
     now: datetime.datetime,
 ) -> Response:
     """Return the response of a respondent in a context, made at the first call and not changed by
-    later ones, even with a newer version of the questionnaire.
-
-    Raises:
-        BadDefinitionError: the questionnaire is a template.
+    later ones, even with a newer version of the questionnaire. Raises BadDefinitionError when the
+    questionnaire is a template.
     """
     parts = [questionnaire.slug, respondent.name, context.key]
     slot = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
@@ -158,11 +155,8 @@ def save_page(
     saving: Saving,
 ) -> PageResult:
     """Store the answers of a whole page (from 0) and return the errors of the others. `offered` are
-    the keys of the questions that the respondent saw.
-
-    Raises:
-        ClosedError: the response is finished.
-        NotAskedError: the page is a later one, or `offered` has questions of other pages.
+    the keys of the questions that the respondent saw. Raises ClosedError when the response is
+    finished, and NotAskedError for a later page or when `offered` has questions of other pages.
     """
     _check_open(response)
     here = {key: one for key, one in definition.by_key.items() if one.page == page}

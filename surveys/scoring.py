@@ -24,8 +24,6 @@ WHOLE = "overall"
 
 @dataclass(frozen=True)
 class ScoredScale:
-    """Items that make one score."""
-
     key: str  # of a topic or an item; WHOLE for that of all scored items
     name: str  # of the score in exports
     label: Text  # empty for the whole
@@ -115,9 +113,6 @@ def scores(definition: Definition, values: Mapping[str, Any]) -> dict[str, float
     """
     coded = definition.coded(values)
     return {scale.name: scale.score(coded) for scale in scales_of(definition)}
-
-
-# --- a table with a line a response ---------------------------------------------------------------
 
 
 class WideTable:

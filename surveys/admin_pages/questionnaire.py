@@ -104,7 +104,6 @@ def export(_request: HttpRequest, pk: UUID) -> HttpResponse:
 @require_safe
 @permission_required(READ, raise_exception=True)
 def answers(request: HttpRequest, pk: UUID, shape: str) -> HttpResponseBase:
-    """Return the answers to all versions of a questionnaire, `long` or `wide`."""
     row = get_object_or_404(Questionnaire, pk=pk)
     audit.note("answers_exported", actor=request.user, thing=row, detail=row.slug)
     if shape == "wide":

@@ -293,7 +293,6 @@ def _box(lines: int) -> forms.Textarea:
 
 
 def _in_groups(listed: Iterable[tuple[str, Any]]) -> list[tuple[str, Any]]:
-    """Return choices, those in groups after the others."""
     groups: dict[str, list[tuple[str, Any]]] = {"": []}
     for value, words in listed:
         groups.setdefault(getattr(words, "group", ""), []).append((value, words))

@@ -221,8 +221,6 @@ class PartForm(FormLayout, forms.Form):
         return field_of(member).to_python(sent.getlist(name))
 
 
-# --- what was submitted ---------------------------------------------------------------------------
-
 MEANWHILE = gettext_lazy(
     "Not saved: someone else changed this draft. If your change still applies, submit it again."
 )

@@ -18,8 +18,6 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True)
 class AskedField:
-    """A field of a class in a form."""
-
     guide: FormGuide
     key: str
     annotation: Any
@@ -90,9 +88,6 @@ def is_numbered(member: AskedField) -> bool:
     return cls is not None and "number" in member.guide.hidden.get(cls, ())
 
 
-# --- what is typed --------------------------------------------------------------------------------
-
-
 def read_number(text: str, *, whole: bool, mark: str = ".") -> int | float | str:
     """Return the finite number in a text, or the text itself when it is none. `mark` is a decimal
     mark beside the point.
@@ -110,9 +105,6 @@ def read_points(text: str, mark: str = ".") -> list[list[float]] | str:
     points = [[read_number(word, whole=False, mark=mark) for word in line] for line in lines]
     are_points = all(len(one) == 2 and all(isinstance(n, float) for n in one) for one in points)
     return cast("list[list[float]]", points) if are_points else text
-
-
-# --- lists ----------------------------------------------------------------------------------------
 
 
 def change(values: list[Any], verb: str, n: int) -> list[Any]:

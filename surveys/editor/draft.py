@@ -86,9 +86,6 @@ class EditorPlace:
         ]
 
 
-# --- keys -----------------------------------------------------------------------------------------
-
-
 def keys_of(part: Document) -> list[str]:
     """Return the keys of a page or question, and of its rows."""
     return [part["key"], *(row["key"] for row in part.get("rows", ()))]
@@ -146,9 +143,6 @@ def _option_value(option: Document, taken: Collection[str]) -> str:
     return wanted if wanted and wanted not in taken else numbered(f"{stem or 'option'}_", taken)
 
 
-# --- what is new ----------------------------------------------------------------------------------
-
-
 def new_question(kind: str, scale: str, whole: Document) -> Document:
     """Return a question without texts, with two parts in each of its lists."""
     made: Document = {"kind": kind, "key": numbered("q", keys_in(whole))}
@@ -192,9 +186,6 @@ def copied(original: Document, whole: Document) -> Document:
         one["key"] = numbered(re.sub(r"\d+$", "", one["key"]) or "q", taken)
         taken.add(one["key"])
     return copy_of
-
-
-# --- buttons --------------------------------------------------------------------------------------
 
 
 def arrange(whole: Document, verb: str, place: EditorPlace) -> None:

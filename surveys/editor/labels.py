@@ -112,11 +112,8 @@ class EditorForm(PartForm):
 
 
 def kind_name(kind: str) -> Any:
-    """Return the name of a question type for people."""
     return TYPES[kind].plain_name or kind.replace("_", " ").capitalize()
 
-
-# --- scales ---------------------------------------------------------------------------------------
 
 _DISAGREE, _AGREE = _("Disagree"), _("Agree")
 _ENDS = (_("Strongly disagree"), _("Strongly agree"))

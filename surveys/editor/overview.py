@@ -20,7 +20,6 @@ Told = dict[EditorPlace, list[str]]
 
 
 def address(row: Questionnaire, place: EditorPlace | None = None) -> str:
-    """Return the address of the overview or of a form."""
     if place is None:
         return reverse("admin:surveys_questionnaire_editor", args=[row.pk])
     name, keys = ("part", [place.key]) if place.key else ("section", [])

@@ -183,9 +183,6 @@ def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
     return ""
 
 
-# --- the overview ---------------------------------------------------------------------------------
-
-
 def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpResponse:
     """Perform the action of a button, `add|up|down|copy|remove:<section>:<key>:<kind>`."""
     verb, section, key, kind = pressed(request.POST, 4)
@@ -220,9 +217,6 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
     question = new_question(kind, next(iter((*whole["scales"], *READY))), whole)
     page["items"].append(question)
     return EditorPlace("questions", question["key"])
-
-
-# --- forms ----------------------------------------------------------------------------------------
 
 
 def _read(
@@ -330,9 +324,6 @@ def _in_full(question: Question, text: Callable[[Document], str]) -> str:
     """Return the text of a question; of a row, after that of its grid."""
     both = (question.item.text, question.text) if question.row is not None else (question.text,)
     return " · ".join(filter(None, (text(dict(one)) for one in both))) or question.key
-
-
-# --- pages ----------------------------------------------------------------------------------------
 
 
 def _row(request: HttpRequest, pk: UUID) -> Questionnaire:

@@ -78,8 +78,6 @@ class Draft:
         self._answers: dict[tuple[str, str], tuple[str, str | int]] = {}
         self._asked = 0
 
-    # the report
-
     def note(self, name: str, text: str = "") -> Note:
         note = Note(clean(name), excerpt(plain(text).text))
         self.report.notes.append(note)
@@ -99,8 +97,6 @@ class Draft:
 
     def leave_out(self, name: str, reason: str, text: str = "") -> None:
         self.note(name, text).left_out(reason)
-
-    # texts
 
     def text(self, raw: Raw, note: Note, *, limit: int = MAX_TEXT) -> Text:
         """Return a text in every language, {} if none has it; losses are noted."""
@@ -140,8 +136,6 @@ class Draft:
             if full
         }
 
-    # names
-
     def key(self, wanted: str, note: Note) -> str:
         """Return an unused key like the name in the file."""
         base = re.sub(r"[^a-z0-9]+", "_", wanted.lower()).strip("_") or "question"
@@ -167,8 +161,6 @@ class Draft:
         name = known or f"scale_{len(self._scales) + 1}"
         self._scales[name] = wanted
         return name
-
-    # pages
 
     def page(
         self,
@@ -201,8 +193,6 @@ class Draft:
         page.intro = self.shortened(self.joined(page.intro, text, by="\n\n"), note)
         page.introduced_by.append(note)
 
-    # questions
-
     def ask(self, note: Note, items: Sequence[Item], show_if: Item | None = None) -> None:
         """Add the items of one question of the file, with its condition where they have none of
         their own. Raises NotImportedError for what this site cannot ask.
@@ -220,8 +210,6 @@ class Draft:
         self._asked += len(keys)
         self._pages[-1].items += [given(show_if=show_if) | item for item in items]
         note.keys = keys
-
-    # conditions
 
     def remember(self, name: str, code: str, key: str, value: str | int) -> None:
         """Map the answer `code` to the file's question `name` to a value of a question here."""
@@ -261,8 +249,6 @@ class Draft:
         shown = {"condition": " ".join(expression.split())[:100]}
         return self.condition(note, answers, remark % shown)
 
-    # the whole
-
     def finish(self) -> None:
         """Drop the last page when it has no question, and report its introduction."""
         if self._pages and not self._pages[-1].items:
@@ -290,10 +276,8 @@ class Draft:
         return definition
 
     def definition(self, slug: str, version: int) -> Definition:
-        """Return the questionnaire under a name.
-
-        Raises:
-            BadDefinitionError: nothing of the file could be imported, or too much.
+        """Return the questionnaire under a name. Raises BadDefinitionError when nothing of the file
+        could be imported, or too much.
         """
         if not self._pages:
             raise BadDefinitionError([_("None of the file's questions can be imported.")])

@@ -82,8 +82,6 @@ class ImportedQuestion:
     def unchecked(self, rule: str) -> None:
         self.note.changed(_("Its rule %(rule)s is not checked."), rule=rule)
 
-    # texts
-
     def or_name(self, text: Text) -> Text:
         if not text:
             self.note.changed(_("It has no text; its name is shown."))
@@ -100,8 +98,6 @@ class ImportedQuestion:
                 languages=", ".join(lacking),
             )
         return {one: known.get(one.split("-")[0], known["en"]) for one in self.draft.languages}
-
-    # items
 
     def key(self, *endings: str) -> str:
         return self.draft.key("_".join((self.name, *endings)), self.note)
@@ -130,8 +126,6 @@ class ImportedQuestion:
         low, high = low or self.draft.same(str(least)), high or self.draft.same(str(most))
         ends = {"minimum": least, "maximum": most, "low": low, "high": high}
         return {"kind": "slider", **ends, "step": step}
-
-    # options
 
     def options(self, labels: Mapping[str, Text], alone: Collection[str] = ()) -> dict[str, Item]:
         """Return options by the codes of the file; those without a label are left out."""
@@ -184,8 +178,6 @@ class ImportedQuestion:
             "max_length": OTHER_LENGTH,
             "show_if": {"item": key, "is": [value]},
         }
-
-    # scales
 
     def numbered(self, numbers: Sequence[int], low: Text, high: Text) -> str:
         """Return the name of a scale; the number is the label of an end without one."""

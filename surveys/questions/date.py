@@ -1,4 +1,4 @@
-"""A day within bounds."""
+"""A day within bounds, stored as year-month-day."""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,8 +16,6 @@ Day = Annotated[str, msgspec.Meta(pattern=r"^(today|\d{4}-\d{2}-\d{2})$")]
 
 
 class Date(Item, frozen=True, kw_only=True, tag="date"):
-    """A day within bounds, stored as year-month-day."""
-
     plain_name: ClassVar[Any] = gettext_lazy("Date")
     labels: ClassVar[Mapping[str, Any]] = {
         "earliest": gettext_lazy("Earliest day"),

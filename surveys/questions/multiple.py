@@ -1,4 +1,4 @@
-"""Any of several options, within a count."""
+"""Any of several options, within a count, stored as a list of values in written order."""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,8 +12,6 @@ from surveys.item import OptionsItem, Question, RefusedError, Scales, one_of
 
 
 class Multiple(OptionsItem, frozen=True, kw_only=True, tag="multiple"):
-    """Any of several options, stored as a list of values in written order."""
-
     plain_name: ClassVar[Any] = gettext_lazy("Multiple choice")
     labels: ClassVar[Mapping[str, Any]] = {
         "at_least": gettext_lazy("Choices at least"),

@@ -1,4 +1,4 @@
-"""A number within bounds."""
+"""A number within bounds; `this_year` is the year in which it is asked."""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,8 +13,6 @@ from surveys.item import Item, Question, RefusedError, Scales, Viewing, Widget, 
 
 
 class Number(Item, frozen=True, kw_only=True, tag="number"):
-    """A number within bounds; `this_year` is the year in which it is asked."""
-
     plain_name: ClassVar[Any] = pgettext_lazy("type of question", "Number")
     labels: ClassVar[Mapping[str, Any]] = {
         "minimum": gettext_lazy("Minimum"),

@@ -1,4 +1,6 @@
-"""Options to put into an order, first to last."""
+"""All options in an order, first to last, stored as the list of their values. The page sends a
+place and an option at a time, "2.a", because without JavaScript each option has a list of places.
+"""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,10 +17,6 @@ MIN_OPTIONS, MAX_OPTIONS = 2, 20
 
 
 class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
-    """All options in an order, stored as the list of their values. The page sends a place and an
-    option at a time, "2.a", because without JavaScript each option has a list of places.
-    """
-
     plain_name: ClassVar[Any] = gettext_lazy("Ranking")
     takes_several: ClassVar[bool] = True
 

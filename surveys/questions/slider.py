@@ -1,4 +1,4 @@
-"""A whole number between two named ends."""
+"""A whole number between two labelled ends."""
 
 import datetime
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -14,10 +14,6 @@ from surveys.item import Item, Question, RefusedError, ScalePoint, Viewing, Whol
 
 
 class Slider(Item, frozen=True, kw_only=True, tag="slider"):
-    """A whole number between two named ends; 0 to 100 unless it says otherwise. `reverse`: scores
-    count it from the other end.
-    """
-
     plain_name: ClassVar[Any] = gettext_lazy("Slider")
     labels: ClassVar[Mapping[str, Any]] = {
         "minimum": gettext_lazy("Minimum"),
@@ -34,7 +30,7 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
     step: Annotated[int, msgspec.Meta(ge=1)] = 1
     low: Text
     high: Text
-    reverse: bool = False
+    reverse: bool = False  # scores count it from the other end
 
     def problems(self, scales: item.Scales) -> Iterator[Problem]:
         if self.minimum >= self.maximum or (self.maximum - self.minimum) % self.step:

@@ -55,8 +55,6 @@ class LimeSurveyConversion(ImportedQuestion):
             raise self.not_supported(_NO_COUNTERPART[self.kind])
         return super().items()
 
-    # what a question has
-
     def _answers(self, scale_id: str = "0") -> dict[str, Text]:
         if self.kind in _WORDED:
             return {code: self.word(name) for code, name in _WORDED[self.kind].items()}
@@ -112,8 +110,6 @@ class LimeSurveyConversion(ImportedQuestion):
             self.unchecked(f"{name} = {value[:60]}")
         return number if math.isfinite(number) else None
 
-    # lists, multiple choice and rankings
-
     def single(self) -> list[Item]:
         """L, !, O, Y and G: one of the answers; O has a comment."""
         key, options = self.key(), self.options(self._answers() | self._other())
@@ -161,8 +157,6 @@ class LimeSurveyConversion(ImportedQuestion):
         for n in range(1, 6):
             self.draft.remember(self.name, str(n), key, n)
         return [self.item("likert", key, scale=self.numbered(range(1, 6), {}, {}))]
-
-    # arrays
 
     def array(self) -> list[Item]:
         """A, B, C, E, F, H: subquestions on one scale."""
@@ -225,8 +219,6 @@ class LimeSurveyConversion(ImportedQuestion):
             for column, heading in columns
         )
         return self.apart(_("Each cell becomes a separate question."), parts)
-
-    # texts, numbers and days
 
     def free_text(self) -> list[Item]:
         """S, T, U: a text, or a number where only numbers are allowed."""

@@ -71,8 +71,6 @@ class QualtricsConversion(ImportedQuestion):
         parts = (kind, self.selector, self.sub_selector)
         return super().not_supported("/".join(part for part in parts if part))
 
-    # what a question has
-
     def _labels(self, part: str = "Choices", order: str = "ChoiceOrder") -> dict[str, Text]:
         """Return the labels of the choices or answers by their ids, in the order shown."""
         known = {language: by_id(one.get(part)) for language, one in self._in_languages.items()}
@@ -120,8 +118,6 @@ class QualtricsConversion(ImportedQuestion):
             else:
                 self.note.changed(_("A row without a text is not imported."))
 
-    # choices
-
     def choice(self) -> list[Item]:
         """MC: one or several options, or the eleven points of a Net Promoter Score."""
         if self.selector == "NPS":
@@ -161,8 +157,6 @@ class QualtricsConversion(ImportedQuestion):
         codes = self._codes(labels)
         options = self.options({codes[one]: label for one, label in labels.items()})
         return [self.item("ranking", options=list(options.values()), order=self._order())]
-
-    # matrices
 
     def matrix(self) -> list[Item]:
         """Matrix: statements on a scale, choices or texts by row."""
@@ -240,8 +234,6 @@ class QualtricsConversion(ImportedQuestion):
             made, text = inner.items(), self.text()
             items += [item | {"text": self.draft.joined(text, item["text"])} for item in made]
         return items
-
-    # texts and sliders
 
     def text_entry(self) -> list[Item]:
         """TE: a text, a number or a date on one line or several, or a form of several lines."""
@@ -420,8 +412,6 @@ class Qsf(SurveyFormat):
         ]
         return [language for language in dict.fromkeys([first, *found]) if language]
 
-    # the order of the blocks
-
     def _blocks_in_order(self) -> list[dict[str, Any]]:
         flow = mapping(self.payloads.get("FL")).get("Flow")
         order = list(self._flow(flow)) if isinstance(flow, list) else list(self.blocks)
@@ -444,8 +434,6 @@ class Qsf(SurveyFormat):
             inner = part.get("Flow")
             if isinstance(inner, list):
                 yield from self._flow(inner, depth + 1)
-
-    # questions
 
     def _take(self, block: dict[str, Any]) -> Iterator[str]:
         """Ask the questions of a block, and yield their ids."""

@@ -85,8 +85,6 @@ class RedcapField(ImportedQuestion):
             )
             self.note.changed(words)
 
-    # types
-
     def free_text(self) -> list[Item]:
         """text: a text, a number or a day, by its validation."""
         rule = self.row["validation"].strip().lower()
@@ -170,8 +168,6 @@ class RedcapField(ImportedQuestion):
         "checkbox": several,
         "slider": sliders,
     }
-
-    # matrices
 
     def grid(self, fields: Sequence["RedcapField"], heading: Text) -> Item:
         """Return the grid of a matrix of radio buttons, of which this is the first field."""
