@@ -49,7 +49,7 @@ class QuestionnaireAdmin(ShownFilters):
         return super().get_queryset(request).annotate(answered=Count("responses"))
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> Any:
-        """Also offer what comes with the site; the editor no longer links back to a study."""
+        """Also offer the questionnaires of the site; the editor no longer links back to a study."""
         request.session.pop(editor.OPENED_FROM, None)
         language = get_language() or ""
         built_in = [
@@ -160,9 +160,9 @@ class ResponseAdmin(ShownFilters):
     actions = ("download_answers",)
     fields = (
         *("who", "questionnaire", "context_label", "context", "robots", "outcome", "seed"),
-        *("language", "started_at", "seen_at", "finished_at", "told"),
+        *("language", "started_at", "seen_at", "finished_at", "answer_list"),
     )
-    readonly_fields = ("who", "robots", "told")
+    readonly_fields = ("who", "robots", "answer_list")
 
     def has_add_permission(self, _request: HttpRequest) -> bool:
         return False
@@ -192,7 +192,7 @@ class ResponseAdmin(ShownFilters):
         return f"{response.reached} / {len(response.questionnaire.definition.get('pages', []))}"
 
     @admin.display(description=_("answers"))
-    def told(self, response: Response) -> str:
+    def answer_list(self, response: Response) -> str:
         definition = response.questionnaire.as_definition()
         rows = {row.item: row for row in Answer.objects.filter(response=response)}
         given = {key: row.given for key, row in rows.items()}

@@ -171,7 +171,7 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         return ()
 
     def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield what is wrong with it beyond types and texts."""
+        """Yield its problems, except those of types and texts."""
         yield from ()
 
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> Any:

@@ -386,7 +386,7 @@ def _read(request: HttpRequest, row: Row, place: BuilderPlace, whole: Document) 
         case "plan":
             write_claims(study, part)
     listed: Document = {"shared": request.POST.getlist("shared_fields")}
-    told = StudyPartForm(cls, part, offered=listed, only=place.only, is_sent=True).told
+    told = StudyPartForm(cls, part, offered=listed, only=place.only, is_sent=True).refusals
     if place.section == "conditions" and not told:
         told = speeds_refused(part)
     return SubmittedPart(part, told | refused, anchor=anchor)

@@ -77,7 +77,7 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
 @require_http_methods(["GET", "HEAD", "POST"])
 @permission_required(ADD, raise_exception=True)
 def choose(request: HttpRequest) -> HttpResponse:
-    """Read a file and show the report; nothing is stored."""
+    """Read a file and show the report, without storing it."""
     form = FileForm(request.POST, request.FILES) if request.method == "POST" else FileForm()
     if not form.is_valid():
         return _page(request, {"form": form})

@@ -15,7 +15,6 @@ from django.urls import URLPattern, path, reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
@@ -42,7 +41,6 @@ def urls(guard: Guard) -> list[URLPattern]:
     ]
 
 
-@never_cache
 @require_safe
 @permission_required(VIEW, raise_exception=True)
 def preview(request: HttpRequest, pk: UUID) -> HttpResponse:

@@ -60,8 +60,8 @@ def language_name(code: str) -> str:
 
 
 class ValueField(forms.Field):
-    """A text, and the base of other values. `style` names its class in CSS. Nothing is refused that
-    is `allowed` or in an optional part that `is_off`.
+    """A text, and the base of other values. `style` names its class in CSS. It refuses no value
+    that is `allowed`, and none in an optional part that `is_off`.
     """
 
     is_off = False

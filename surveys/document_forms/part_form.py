@@ -134,7 +134,7 @@ class PartForm(FormLayout, forms.Form):
                 self.data.setlist(name, one.as_sent(self.initial[name]))
 
     @property
-    def told(self) -> dict[str, str]:
+    def refusals(self) -> dict[str, str]:
         return {name: str(found[0]) for name, found in self.errors.items()}
 
     def _parts(

@@ -16,7 +16,7 @@ from surveys.editor.draft import EditorPlace
 from surveys.editor.labels import GUIDE, kind_name, scale_name
 from surveys.models import Questionnaire
 
-Told = dict[EditorPlace, list[str]]
+Problems = dict[EditorPlace, list[str]]
 
 
 def address(row: Questionnaire, place: EditorPlace | None = None) -> str:
@@ -26,7 +26,7 @@ def address(row: Questionnaire, place: EditorPlace | None = None) -> str:
     return reverse(f"admin:surveys_questionnaire_{name}", args=[row.pk, place.section, *keys])
 
 
-def told(found: Iterable[Problem], whole: Document) -> Told:
+def problem_texts(found: Iterable[Problem], whole: Document) -> Problems:
     """Return the sentences of problems by the form in which each is corrected."""
 
     def name_of(one: Problem) -> str:
@@ -39,7 +39,7 @@ def told(found: Iterable[Problem], whole: Document) -> Told:
     return {form_for(place): texts for place, texts in sentences.items()}
 
 
-def listed(row: Questionnaire, whole: Document, found: Told) -> dict[str, Any]:
+def listed(row: Questionnaire, whole: Document, found: Problems) -> dict[str, Any]:
     """Return the pages with their questions, numbered throughout, and the scales."""
     pages, number = [], 0
     for n, page in enumerate(whole["pages"], start=1):
@@ -64,9 +64,9 @@ def listed(row: Questionnaire, whole: Document, found: Told) -> dict[str, Any]:
     return {"pages": pages, "scales": scales, "about": about}
 
 
-def _line(row: Questionnaire, place: EditorPlace, title: str, found: Told) -> dict[str, Any]:
+def _line(row: Questionnaire, place: EditorPlace, title: str, found: Problems) -> dict[str, Any]:
     url = address(row, place)
-    return {"key": place.key, "title": title, "url": url, "told": found.get(place)}
+    return {"key": place.key, "title": title, "url": url, "problems": found.get(place)}
 
 
 def preview_of(row: Questionnaire, page: int) -> str:

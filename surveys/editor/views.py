@@ -23,7 +23,6 @@ from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
 from surveys.definition import Definition
@@ -44,7 +43,7 @@ from surveys.editor.draft import (
     type_answers,
 )
 from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
-from surveys.editor.overview import address, listed, preview_of, text_of, told
+from surveys.editor.overview import address, listed, preview_of, problem_texts, text_of
 from surveys.importing.reading import MAX_SLUG, slug_for
 from surveys.item import Question
 from surveys.models import Questionnaire
@@ -97,7 +96,6 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
     ]
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 @permission_required(ADD, raise_exception=True)
 def write(request: HttpRequest) -> HttpResponse:
@@ -115,7 +113,6 @@ def write(request: HttpRequest) -> HttpResponse:
     return _page(request, "write", {"title": _("Write a questionnaire"), "form": form})
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
     """Show the pages with their questions; a button adds, moves, copies or removes one."""
@@ -123,7 +120,7 @@ def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
     whole = whole_of(row)
     if request.method == "POST":
         return _press(request, row, whole)
-    found = told(problems_of(row), whole)
+    found = problem_texts(problems_of(row), whole)
     context = {
         **listed(row, whole, found),
         "title": row.title,
@@ -135,7 +132,6 @@ def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
     return _page(request, "editor", context, row)
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpResponse:
     """Show the form of the questionnaire itself or a part of it; a POST changes it."""
@@ -153,9 +149,13 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
     if former is None:
         sent.above.append(_("Not saved: someone else removed this question."))
     if not (sent.errors or sent.above):
-        _save(request, row, place, whole, sent)
+        refusal = keep(request, row, place.put(whole, sent.part))
+        sent.above += [refusal] if refusal else []
     if sent.errors or sent.above:
         return _show(request, Questionnaire.objects.get(pk=pk), place, sent, known)
+    user: Any = request.user
+    what = f"Changed: {section} {key}"
+    LogEntry.objects.log_actions(user.pk, [row], CHANGE, what, single_object=True)
     messages.success(request, _("Saved."))
     if request.POST.get("do") == "done":
         return redirect(f"{address(row)}#at-{sent.part.get('key', key)}")
@@ -245,24 +245,7 @@ def _read(
             part[name] = [one | {"value": n} for one, n in zip(part[name], values, strict=True)]
     offered = _offered(whole, place, part)
     form = EditorForm(cls, part, offered=offered, only=place.only, is_sent=True)
-    return SubmittedPart(part, form.told, anchor=anchor)
-
-
-def _save(
-    request: HttpRequest,
-    row: Questionnaire,
-    place: EditorPlace,
-    whole: Document,
-    sent: SubmittedPart,
-) -> None:
-    """Store a part, or show the reason above its form."""
-    if refused := keep(request, row, place.put(whole, sent.part)):
-        sent.above.append(refused)
-        return
-    user: Any = request.user
-    LogEntry.objects.log_actions(
-        user.pk, [row], CHANGE, f"Changed: {place.section} {place.key}", single_object=True
-    )
+    return SubmittedPart(part, form.refusals, anchor=anchor)
 
 
 def _show(
@@ -291,7 +274,7 @@ def _show(
         "kind": kind,
         "above": sent.above,
         "has_errors": bool(sent.errors),
-        "told": told(problems_of(row), whole).get(place, ()),
+        "problems": problem_texts(problems_of(row), whole).get(place, ()),
         "preview": preview_of(row, page) + (f"#q-{place.key}" if kind else ""),
     }
     status = 422 if sent.errors or sent.above else 200

@@ -41,14 +41,14 @@ def test_percentages_pool_answers_and_the_rest_counts_respondents():
 
 
 @pytest.mark.parametrize("interval", ["normal", "t"])
-def test_nobody_and_one_respondent_break_nothing(interval):
-    nobody = summarise([], ["q1"], SCALE, interval=interval)
+def test_tables_of_no_and_of_one_respondent_are_computed(interval):
+    without_respondents = summarise([], ["q1"], SCALE, interval=interval)
     assert (
-        nobody.respondents,
-        nobody.answers,
-        nobody.percentages,
-        nobody.mean,
-        nobody.positive,
+        without_respondents.respondents,
+        without_respondents.answers,
+        without_respondents.percentages,
+        without_respondents.mean,
+        without_respondents.positive,
     ) == (0, 0, None, None, None)
     one = summarise([{"q1": 1}], ["q1"], SCALE, interval=interval)
     assert (one.mean, one.sd, one.ci95, one.ci99, one.positive) == (1.0, None, None, None, 100.0)

@@ -47,7 +47,7 @@ def imported(path):
             yield from (alias.name for alias in node.names)
 
 
-def test_nothing_outside_its_file_knows_a_type():
+def test_a_question_type_is_named_only_in_its_own_file():
     for app in ("surveys", "experiments", "telepresence_site"):
         for path in python_files(app):
             known = [name for name in imported(path) if name.startswith("surveys.questions.")]

@@ -189,7 +189,7 @@ def test_texts_days_and_rankings():
 
 
 @pytest.mark.parametrize(
-    ("question", "told"),
+    ("question", "message"),
     [
         (lime("|", "Q1"), "file upload"),
         (lime("*", "Q1"), "equation"),
@@ -199,10 +199,10 @@ def test_texts_days_and_rankings():
         (lime("L", "Q1"), "no options"),
     ],
 )
-def test_what_has_no_counterpart_is_listed(question, told):
+def test_questions_without_counterpart_are_listed(question, message):
     document = lss(question, lime("S", "Q2"))
     assert outcomes(document) == {"Q1": ImportOutcome.LEFT_OUT, "Q2": ImportOutcome.IMPORTED}
-    assert told in remarks(document, "Q1")
+    assert message in remarks(document, "Q1")
 
 
 def test_a_soft_mandatory_question_is_reported():
@@ -339,7 +339,7 @@ OUTSIDE = (
 
 
 @pytest.mark.parametrize(
-    ("document", "told"),
+    ("document", "message"),
     [
         (BOMB.encode(), "document type"),
         (OUTSIDE.encode(), "document type"),
@@ -351,6 +351,6 @@ OUTSIDE = (
         (b"<document>&undefined;</document>", "not valid XML"),
     ],
 )
-def test_hostile_and_malformed_xml_is_refused_with_a_clear_message(document, told):
-    with pytest.raises(BadDefinitionError, match=told):
+def test_hostile_and_malformed_xml_is_refused_with_a_clear_message(document, message):
+    with pytest.raises(BadDefinitionError, match=message):
         read(document)
