@@ -8,7 +8,6 @@ cannot ask is reported with the reason and the others are imported.
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import msgspec
@@ -26,28 +25,6 @@ MAX_TITLE = 200
 Item = dict[str, Any]
 # A text of the file by language, as markup; languages without it are missing or empty.
 Raw = Mapping[str, str]
-
-
-def given(**fields: Any) -> Item:
-    """Return the fields without those that are None, False, "" or {}."""
-    kinds = (int, float, list)
-    return {name: value for name, value in fields.items() if value or type(value) in kinds}
-
-
-@dataclass
-class _Page:
-    title: Text
-    intro: Text
-    show_if: Item | None
-    is_shuffled: bool
-    items: list[Item] = field(default_factory=list)
-    introduced_by: list[Note] = field(default_factory=list)
-
-    def document(self, number: int) -> Item:
-        title = {language: text[:MAX_TITLE] for language, text in self.title.items()}
-        order = "shuffled" if self.is_shuffled else ""
-        more = given(title=title, intro=self.intro, show_if=self.show_if, order=order)
-        return {"key": f"page_{number}", "items": self.items, **more}
 
 
 def language_of(code: str) -> str:
@@ -74,7 +51,8 @@ class Draft:
         self._piped = PIPED[system]
         self._keys: set[str] = set()
         self._scales: dict[str, list[Item]] = {}
-        self._pages: list[_Page] = []
+        self._pages: list[Item] = []
+        self._introductions: list[Note] = []  # of the last page
         self._answers: dict[tuple[str, str], tuple[str, str | int]] = {}
         self._asked = 0
 
@@ -156,7 +134,7 @@ class Draft:
 
     def scale(self, points: Iterable[tuple[int, Text]]) -> str:
         """Return the name of a scale with these points; equal scales are one."""
-        wanted = [{"value": value, **given(label=label)} for value, label in points]
+        wanted = [{"value": value, "label": label} for value, label in points]
         known = next((name for name, one in self._scales.items() if one == wanted), "")
         name = known or f"scale_{len(self._scales) + 1}"
         self._scales[name] = wanted
@@ -171,13 +149,15 @@ class Draft:
         is_shuffled: bool = False,
     ) -> None:
         """Begin a page. One without questions passes its introduction on."""
-        page = _Page(title or {}, intro or {}, show_if, is_shuffled)
-        if self._pages and not self._pages[-1].items:
+        title = {language: text[:MAX_TITLE] for language, text in (title or {}).items()}
+        if self._pages and not self._pages[-1]["items"]:
             before = self._pages.pop()
-            page.title = page.title or before.title
-            page.intro = self.joined(before.intro, page.intro, by="\n\n")
-            page.introduced_by = before.introduced_by
-        self._pages.append(page)
+            title = title or before["title"]
+            intro = self.joined(before["intro"], intro or {}, by="\n\n")
+        else:
+            self._introductions = []
+        page: Item = {"title": title, "intro": intro or {}, "show_if": show_if, "items": []}
+        self._pages.append(page | {"order": "shuffled" if is_shuffled else "fixed"})
 
     def introduce(self, note: Note, text: Text) -> None:
         """Show a text without a question as the introduction of the page, or of a new one when the
@@ -186,12 +166,12 @@ class Draft:
         if not text:
             raise NotImportedError(_("It has no text."))
         page = self._pages[-1]
-        if page.items:
+        if page["items"]:
             note.changed(_("It becomes the introduction of a new page."))
-            self.page(show_if=page.show_if, is_shuffled=page.is_shuffled)
+            self.page(show_if=page["show_if"], is_shuffled=page["order"] == "shuffled")
             page = self._pages[-1]
-        page.intro = self.shortened(self.joined(page.intro, text, by="\n\n"), note)
-        page.introduced_by.append(note)
+        page["intro"] = self.shortened(self.joined(page["intro"], text, by="\n\n"), note)
+        self._introductions.append(note)
 
     def ask(self, note: Note, items: Sequence[Item], show_if: Item | None = None) -> None:
         """Add the items of one question of the file, with its condition where they have none of
@@ -208,7 +188,7 @@ class Draft:
         except BadDefinitionError as error:
             raise NotImportedError(" ".join(sentences(error.problems))) from error
         self._asked += len(keys)
-        self._pages[-1].items += [given(show_if=show_if) | item for item in items]
+        self._pages[-1]["items"] += [{"show_if": show_if} | item for item in items]
         note.keys = keys
 
     def remember(self, name: str, code: str, key: str, value: str | int) -> None:
@@ -225,8 +205,9 @@ class Draft:
         found = [one and self._answers.get((one[0].lower(), one[1])) for one in alternatives]
         known = [one for one in found if one]
         key = known[0][0] if known else ""
-        pages = self._pages[:-1] if self._pages and self._pages[-1].is_shuffled else self._pages
-        earlier = {key for page in pages for item in page.items for key in _keys_of(item)}
+        is_shuffled = bool(self._pages) and self._pages[-1]["order"] == "shuffled"
+        pages = self._pages[:-1] if is_shuffled else self._pages
+        earlier = {key for page in pages for item in page["items"] for key in _keys_of(item)}
         if (
             not known
             or len(known) < len(found)
@@ -251,8 +232,9 @@ class Draft:
 
     def finish(self) -> None:
         """Drop the last page when it has no question, and report its introduction."""
-        if self._pages and not self._pages[-1].items:
-            for note in self._pages.pop().introduced_by:
+        if self._pages and not self._pages[-1]["items"]:
+            self._pages.pop()
+            for note in self._introductions:
                 note.left_out(
                     _("No question follows it. Here, a text always introduces a question.")
                 )
@@ -281,7 +263,7 @@ class Draft:
         """
         if not self._pages:
             raise BadDefinitionError([_("None of the file's questions can be imported.")])
-        pages = [page.document(number) for number, page in enumerate(self._pages, start=1)]
+        pages = [{"key": f"page_{n}", **page} for n, page in enumerate(self._pages, start=1)]
         more = {"title": self.title or self.same(slug), "intro": self.intro, "source": self.source}
         definition = self._checked(slug, version, pages, **more)
         if len(to_json(definition)) > MAX_BYTES:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 from django.utils.translation import gettext as _
 
 from surveys.documents import Text
-from surveys.importing.draft import Draft, Item, given
+from surveys.importing.draft import Draft, Item
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS, MIN_POINTS
 
@@ -104,7 +104,7 @@ class ImportedQuestion:
 
     def item(self, kind: str, key: str | None = None, **fields: Any) -> Item:
         own = key or self.key()
-        return {"kind": kind, "key": own, "text": self.text(), **self.common(), **given(**fields)}
+        return {"kind": kind, "key": own, "text": self.text(), **self.common(), **fields}
 
     def apart(self, remark: str, parts: Iterable[tuple[str, Text, Item]]) -> list[Item]:
         """Return an item for each part of the question (key, label and fields)."""
@@ -136,7 +136,7 @@ class ImportedQuestion:
                 _("Options without a text are not imported: %(codes)s."), codes=", ".join(unnamed)
             )
         return {
-            code: {"value": values[code], "label": label, **given(alone=code in alone)}
+            code: {"value": values[code], "label": label, "alone": code in alone}
             for code, label in labels.items()
             if label
         }

@@ -15,7 +15,7 @@ from django.utils.translation import gettext as _
 
 from surveys.documents import BadDefinitionError, Text
 from surveys.importing import safe_xml
-from surveys.importing.draft import Draft, Item, SurveyFormat, given, language_of
+from surveys.importing.draft import Draft, Item, SurveyFormat, language_of
 from surveys.importing.limesurvey_tables import LimeSurveyRow, survey_of, tables_of
 from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
@@ -48,7 +48,7 @@ class LimeSurveyConversion(ImportedQuestion):
         wish = self.question.get("mandatory")
         if wish == "S":
             self.note.changed(_("The file requests an answer; here it is optional."))
-        return given(required=wish == "Y", hint=self.texts_of(self.question, "help"))
+        return {"required": wish == "Y", "hint": self.texts_of(self.question, "help")}
 
     def items(self) -> list[Item]:
         if self.kind in _NO_COUNTERPART:
@@ -97,7 +97,7 @@ class LimeSurveyConversion(ImportedQuestion):
             self.note.changed(
                 _("Its order (%(order)s) is replaced by the written order."), order=wanted
             )
-        return ""
+        return "fixed"
 
     def _number(self, name: str) -> float | None:
         """Return an attribute that is a finite number; anything else is noted."""
@@ -134,7 +134,7 @@ class LimeSurveyConversion(ImportedQuestion):
         item = self.item(
             *("multiple", key),
             options=list(options.values()),
-            at_least=int(least) if least else None,
+            at_least=int(least or 0),
             at_most=int(most) if most else None,
             order=self._order("subquestion_order"),
         )
@@ -212,7 +212,7 @@ class LimeSurveyConversion(ImportedQuestion):
         content: Item = {"kind": "number" if is_number else "text"}
         if is_number:
             least, most = self._number("multiflexible_min"), self._number("multiflexible_max")
-            content |= given(minimum=least, maximum=most)
+            content |= {"minimum": least, "maximum": most}
         parts = (
             (self.key(row, column), self.draft.joined(label, heading), content)
             for row, label in self._parts()
@@ -236,12 +236,12 @@ class LimeSurveyConversion(ImportedQuestion):
         suffix = self._attribute_text("suffix")
         if any(self.question.attribute_texts("prefix").values()):
             self.note.changed(_("The text before the number is not imported."))
-        return given(
-            minimum=self._number("min_num_value_n"),
-            maximum=self._number("max_num_value_n"),
-            whole=self.question.attribute("num_value_int_only") == "1",
-            unit=suffix,
-        )
+        return {
+            "minimum": self._number("min_num_value_n"),
+            "maximum": self._number("max_num_value_n"),
+            "whole": self.question.attribute("num_value_int_only") == "1",
+            "unit": suffix,
+        }
 
     def number(self) -> list[Item]:
         """N: a number."""
@@ -279,7 +279,7 @@ class LimeSurveyConversion(ImportedQuestion):
             self.note.changed(_("It asks for the date, not the time."))
         return [self.item("date", earliest=self._day("date_min"), latest=self._day("date_max"))]
 
-    def _day(self, attribute: str) -> str:
+    def _day(self, attribute: str) -> str | None:
         value = self.question.attribute(attribute).strip("\"'").lower()
         if value in {"now", "today"}:
             return "today"
@@ -287,7 +287,7 @@ class LimeSurveyConversion(ImportedQuestion):
             return value[:10]
         if value:
             self.unchecked(attribute)
-        return ""
+        return None
 
     TYPES: ClassVar[Mapping[str, Callable[["LimeSurveyConversion"], list[Item]]]] = {
         **dict.fromkeys("L!OYG", single),

@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from surveys.documents import BadDefinitionError, Text
-from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, given, language_of
+from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, language_of
 from surveys.importing.plain_text import plain
 from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
@@ -65,7 +65,7 @@ class QualtricsConversion(ImportedQuestion):
         if "RequestResponse" in (wish, self.settings.get("ForceResponseType")) and wish != "OFF":
             self.note.changed(_("The file requests an answer; here it is optional."))
             return {}
-        return given(required=wish == "ON")
+        return {"required": wish == "ON"}
 
     def not_supported(self, kind: str) -> NotImportedError:
         parts = (kind, self.selector, self.sub_selector)
@@ -97,7 +97,7 @@ class QualtricsConversion(ImportedQuestion):
         wanted = mapping(self.payload.get("Randomization")).get("Type")
         if str(wanted) in {"Advanced", "Subset", "ScaleReversal"}:
             self.note.changed(_("Its random order with rules is replaced by a fixed order."))
-        return "shuffled" if wanted == "All" else ""
+        return "shuffled" if wanted == "All" else "fixed"
 
     def _note_choices(self) -> None:
         """Note rules of the choices that are not imported."""
@@ -278,7 +278,7 @@ class QualtricsConversion(ImportedQuestion):
             self.note.changed(_("Labels between the two ends are not imported."))
         low, high = (ends[0], ends[-1]) if len(ends) > 1 else ({}, {})
         lacks = str(self.configuration.get("NotApplicable")).lower() == "true"
-        fields = self.slider(least, most, low, high, step) | given(not_applicable=lacks)
+        fields = self.slider(least, most, low, high, step) | {"not_applicable": lacks}
         rows = [(self.key(one), label, fields) for one, label in self._labels().items()]
         remark = _("Each slider becomes a separate question.") if len(rows) > 1 else ""
         return self.apart(remark, rows or [(self.key(), {}, fields)])

@@ -17,7 +17,7 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from surveys.documents import BadDefinitionError, Text
-from surveys.importing.draft import Draft, Item, SurveyFormat, given, language_of
+from surveys.importing.draft import Draft, Item, SurveyFormat, language_of
 from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS, MIN_POINTS
@@ -53,7 +53,8 @@ class RedcapField(ImportedQuestion):
         return self.or_name(self.text_of(self.row["label"]))
 
     def common(self) -> Item:
-        return given(required=self._is_set("required"), hint=self.text_of(self.row["field_note"]))
+        hint = self.text_of(self.row["field_note"])
+        return {"required": self._is_set("required"), "hint": hint}
 
     def _is_set(self, column: str) -> bool:
         return self.row[column].strip().lower() in _YES
@@ -113,14 +114,15 @@ class RedcapField(ImportedQuestion):
             self.unchecked(f"{column} {value[:60]}")
         return None
 
-    def _day(self, column: str) -> str:
+    def _day(self, column: str) -> str | None:
         value = self.row[column].strip().lower()
         if value in {"today", "now"}:
             return "today"
-        if value and not re.fullmatch(r"\d{4}-\d{2}-\d{2}", value):
+        if re.fullmatch(r"\d{4}-\d{2}-\d{2}", value):
+            return value
+        if value:
             self.unchecked(f"{column} {value}")
-            return ""
-        return value
+        return None
 
     def _labels(self) -> dict[str, Text]:
         if self.kind in {"yesno", "truefalse"}:
@@ -129,7 +131,7 @@ class RedcapField(ImportedQuestion):
         return {code: self.text_of(label) for code, label in choices_of(self.row["choices"])}
 
     def _order(self) -> str:
-        return "shuffled" if "@RANDOMORDER" in self.tags else ""
+        return "shuffled" if "@RANDOMORDER" in self.tags else "fixed"
 
     def one_choice(self) -> list[Item]:
         """radio, dropdown, yesno, truefalse: one of its choices."""
@@ -188,7 +190,7 @@ class RedcapField(ImportedQuestion):
             field._remark()  # noqa: SLF001 - another of this class
         own = {"key": self.draft.key(self.row["matrix"], self.note), "kind": "grid", "rows": rows}
         text = heading or self.draft.same(self.row["matrix"])
-        return {**own, "text": text, "scale": name, **given(required=all(required)), **reasons}
+        return {**own, "text": text, "scale": name, "required": all(required), **reasons}
 
 
 def choices_of(text: str) -> list[tuple[str, str]]:
