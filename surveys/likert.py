@@ -29,8 +29,8 @@ Kind = Literal["overall", "topic", "statement"]
 @dataclass(frozen=True)
 class Summary:
     """One row. Counts and percentages are in the order of the scale; percentages are None without
-    answers. `positive` is the percentage above `neutral`, `nonpositive` the rest. `mean` is None
-    without respondents, `sd` and the half-widths below two of them.
+    answers. `positive` is the percentage above `neutral`. `mean` is None without respondents, `sd`
+    and the half-widths below two of them.
     """
 
     respondents: int
@@ -42,7 +42,6 @@ class Summary:
     ci95: float | None
     ci99: float | None
     positive: float | None
-    nonpositive: float | None
 
 
 def summarise(
@@ -75,7 +74,6 @@ def summarise(
     mean, sd = mean_and_sd(scores)
     total = counts.total()
     above = sum(n for value, n in counts.items() if value > neutral)
-    positive = 100.0 * above / total if total else None
     return Summary(
         respondents=len(scores),
         answers=total,
@@ -85,8 +83,7 @@ def summarise(
         sd=sd,
         ci95=half_width(sd, len(scores), 0.95, interval),
         ci99=half_width(sd, len(scores), 0.99, interval),
-        positive=positive,
-        nonpositive=None if positive is None else 100.0 - positive,
+        positive=100.0 * above / total if total else None,
     )
 
 
