@@ -8,25 +8,10 @@ from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import lime, lss, lss_of
+from tests.support.studies.survey_files import items, lime, lss, lss_of, outcomes, remarks
 
 PARTS = [("SQ1", "First"), ("SQ2", "Second")]
 ANSWERS = [("A1", "Rarely"), ("A2", "Sometimes"), ("A3", "Often")]
-
-
-def items(document: bytes) -> list[dict]:
-    pages = json.loads(to_json(read(document).definition("test", 1)))["pages"]
-    return [item for page in pages for item in page["items"]]
-
-
-def remarks(document: bytes, name: str) -> str:
-    draft = read(document)
-    (note,) = [one for one in draft.report.notes if one.name == name]
-    return " ".join(note.remarks)
-
-
-def outcomes(document: bytes) -> dict[str, ImportOutcome]:
-    return {note.name: note.outcome for note in read(document).report.notes}
 
 
 def one(letter: str, **more) -> list[dict]:

@@ -5,8 +5,8 @@ import pytest
 from surveys.documents import MAX_TEXT
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import lime, lss, lss_of
-from tests.unit.surveys.importing.test_lss import ANSWERS, PARTS, items, outcomes, remarks
+from tests.support.studies.survey_files import items, lime, lss, lss_of, outcomes, remarks
+from tests.unit.surveys.importing.test_lss import ANSWERS, PARTS
 
 FIRST = {"qid": 1, "parent_qid": 0, "gid": 1, "type": "S", "title": "Q1", "question_order": 2}
 

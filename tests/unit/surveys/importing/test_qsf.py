@@ -9,22 +9,15 @@ from surveys.documents import BadDefinitionError
 from surveys.importing.draft import Draft
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import displays, forced, payload, qsf
-
-
-def items(document: bytes) -> list[dict]:
-    pages = json.loads(to_json(read(document).definition("test", 1)))["pages"]
-    return [item for page in pages for item in page["items"]]
-
-
-def remarks(document: bytes, name: str) -> str:
-    draft = read(document)
-    (note,) = [one for one in draft.report.notes if one.name == name]
-    return " ".join(note.remarks)
-
-
-def outcomes(document: bytes) -> dict[str, ImportOutcome]:
-    return {note.name: note.outcome for note in read(document).report.notes}
+from tests.support.studies.survey_files import (
+    displays,
+    forced,
+    items,
+    outcomes,
+    payload,
+    qsf,
+    remarks,
+)
 
 
 def left_out(draft: Draft) -> int:

@@ -5,16 +5,8 @@ import pytest
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import displays, payload, qsf
-from tests.unit.surveys.importing.test_qsf import (
-    FRUIT,
-    block,
-    items,
-    matrix,
-    outcomes,
-    remarks,
-    texts,
-)
+from tests.support.studies.survey_files import displays, items, outcomes, payload, qsf, remarks
+from tests.unit.surveys.importing.test_qsf import FRUIT, block, matrix, texts
 
 
 def settings(**more) -> dict:
