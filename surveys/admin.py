@@ -1,6 +1,4 @@
-"""Questionnaires and responses in the administration: to import, look at, and download; answers are
-never edited.
-"""
+"""Questionnaires and responses in the administration; answers are never edited."""
 
 from typing import Any
 
@@ -12,7 +10,6 @@ from django.http import HttpRequest, HttpResponse, StreamingHttpResponse
 from django.template.loader import render_to_string
 from django.urls import URLPattern, reverse
 from django.utils.html import format_html
-from django.utils.safestring import SafeString
 from django.utils.translation import get_language, gettext
 from django.utils.translation import gettext_lazy as _
 
@@ -27,16 +24,13 @@ from surveys.editor import views as editor
 from surveys.forms import QuestionnaireForm
 from surveys.importing.report import ImportReport
 from surveys.models import Answer, Questionnaire, Response
-from surveys.questionnaires import listed_title, named_by, problems_of, shipped
+from surveys.questionnaires import listed_title, named_by, problems_of, shipped_and_not_stored
 
 NOTHING = "–"
-Display = str | SafeString
 
 
 @admin.register(Questionnaire)
 class QuestionnaireAdmin(ShownFilters):
-    """Questionnaires by version. A version that somebody answered stays as it is."""
-
     form = QuestionnaireForm
     list_display = (
         *("listed", "slug", "version", "state", "languages", "questions", "response_count"),
@@ -55,23 +49,19 @@ class QuestionnaireAdmin(ShownFilters):
         return super().get_queryset(request).annotate(answered=Count("responses"))
 
     def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> Any:
-        """Show the list, and offer what comes with the site; from here on, the editor does not lead
-        back to a study.
-        """
+        """Also offer the questionnaires of the site; the editor no longer links back to a study."""
         request.session.pop(editor.OPENED_FROM, None)
-        known = set(Questionnaire.objects.values_list("slug", "version"))
         language = get_language() or ""
         built_in = [
-            (slug, listed_title(slug, spoken(one.title, language)), one.template)
-            for slug, one in shipped().items()
-            if (slug, one.version) not in known
+            (one.slug, listed_title(one.slug, spoken(one.title, language)), one.template)
+            for one in shipped_and_not_stored()
         ]
         return super().changelist_view(request, {**(extra_context or {}), "built_in": built_in})
 
     def get_search_results(
         self, request: HttpRequest, queryset: QuerySet[Any], search_term: str
     ) -> tuple[QuerySet[Any], bool]:
-        """Find instruments also by the name that researchers know."""
+        """Also find instruments by their names among researchers."""
         found, may_repeat = super().get_search_results(request, queryset, search_term)
         named = named_by(search_term) if search_term.strip() else []
         return found | queryset.filter(slug__in=named), may_repeat
@@ -83,7 +73,6 @@ class QuestionnaireAdmin(ShownFilters):
     def get_fieldsets(
         self, _request: HttpRequest, obj: Questionnaire | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
-        """A new one is a file; one that is in use can only be looked at."""
         if obj is None:
             return [(None, {"fields": ("file", "document")})]
         fields = ("file", "document") if obj.frozen_at is None else ("shown",)
@@ -101,7 +90,7 @@ class QuestionnaireAdmin(ShownFilters):
     def save_model(
         self, _request: HttpRequest, obj: Questionnaire, form: ModelForm, _change: bool
     ) -> None:
-        """Show the row that the form has stored."""
+        """Copy the row that the form has stored."""
         for field in Questionnaire._meta.concrete_fields:
             setattr(obj, field.attname, getattr(form.stored, field.attname))
         obj._state.adding = False
@@ -123,15 +112,13 @@ class QuestionnaireAdmin(ShownFilters):
         return len(row.as_definition().questions())
 
     @admin.display(description=_("responses"), ordering="answered")
-    def response_count(self, row: Questionnaire) -> Display:
+    def response_count(self, row: Questionnaire) -> str:
         address = reverse("admin:surveys_response_changelist")
-        count = getattr(row, "answered", 0)
-        return format_html(
-            '<a href="{}?questionnaire__id__exact={}">{}</a>', address, row.pk, count
-        )
+        link = '<a href="{}?questionnaire__id__exact={}">{}</a>'
+        return format_html(link, address, row.pk, getattr(row, "answered", 0))
 
     @admin.display(description=_("preview"))
-    def preview(self, row: Questionnaire) -> Display:
+    def preview(self, row: Questionnaire) -> str:
         address = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
         return format_html('<a href="{}">{}</a>', address, gettext("Preview"))
 
@@ -141,11 +128,11 @@ class QuestionnaireAdmin(ShownFilters):
         return " · ".join(filter(None, (definition.source, definition.licence))) or NOTHING
 
     @admin.display(description=_("definition"))
-    def shown(self, row: Questionnaire) -> Display:
+    def shown(self, row: Questionnaire) -> str:
         return format_html("<pre>{}</pre>", to_json(row.as_definition()).decode())
 
     @admin.display(description=_("import report"))
-    def imported(self, row: Questionnaire) -> Display:
+    def imported(self, row: Questionnaire) -> str:
         report = msgspec.convert(row.import_report, ImportReport)
         return render_to_string("admin/surveys/questionnaire/_report.html", {"report": report})
 
@@ -157,9 +144,7 @@ class QuestionnaireAdmin(ShownFilters):
 
 @admin.register(Response)
 class ResponseAdmin(ShownFilters):
-    """Who answered what. Nothing is edited; a response can be deleted, because respondents have a
-    right to it.
-    """
+    """Responses, which can be deleted, because respondents have a right to it, but not edited."""
 
     list_display = (
         *("started_at", "who", "questionnaire", "context_label", "robots", "outcome", "progress"),
@@ -175,9 +160,9 @@ class ResponseAdmin(ShownFilters):
     actions = ("download_answers",)
     fields = (
         *("who", "questionnaire", "context_label", "context", "robots", "outcome", "seed"),
-        *("language", "started_at", "seen_at", "finished_at", "told"),
+        *("language", "started_at", "seen_at", "finished_at", "answer_list"),
     )
-    readonly_fields = ("who", "robots", "told")
+    readonly_fields = ("who", "robots", "answer_list")
 
     def has_add_permission(self, _request: HttpRequest) -> bool:
         return False
@@ -188,7 +173,7 @@ class ResponseAdmin(ShownFilters):
     def change_view(
         self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
     ) -> HttpResponse:
-        """Note who was shown whose answers."""
+        """Log who saw whose answers."""
         row = self.get_object(request, object_id) if self.has_view_permission(request) else None
         if row is not None:
             audit.note("answers_opened", actor=request.user, person=row.user_id, thing=row)
@@ -207,16 +192,12 @@ class ResponseAdmin(ShownFilters):
         return f"{response.reached} / {len(response.questionnaire.definition.get('pages', []))}"
 
     @admin.display(description=_("answers"))
-    def told(self, response: Response) -> Display:
-        """Every question with its answer, or why there is none."""
+    def answer_list(self, response: Response) -> str:
         definition = response.questionnaire.as_definition()
         rows = {row.item: row for row in Answer.objects.filter(response=response)}
         given = {key: row.given for key, row in rows.items()}
-        reasons = {
-            **dict(Answer.Reason.choices),
-            "not_asked": gettext("not asked"),
-            "not_reached": gettext("not reached"),
-        }
+        others = {"not_asked": gettext("not asked"), "not_reached": gettext("not reached")}
+        reasons = {**dict(Answer.Reason.choices), **others}
         lines = [
             {
                 "text": spoken(definition.by_key[key].text, response.language),

@@ -1,9 +1,8 @@
-"""Which questions somebody is asked: `show_if`, decided from the robot, the outcome, and earlier
-answers.
+"""Which questions a respondent is asked: `show_if`, decided from the robot, the outcome, and
+earlier answers. A hidden question counts as unanswered for those that depend on it.
 
-A question that is hidden counts as unanswered for those that depend on it.
-static/js/pages/survey/conditions.js says the same for questions on the page in front of the
-visitor; tests/golden/survey_conditions.json binds the two.
+static/js/pages/survey/conditions.js decides the same within a page;
+tests/golden/survey_conditions.json binds the two.
 """
 
 from collections.abc import Container, Mapping
@@ -16,13 +15,12 @@ from surveys.item import ItemCondition
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What is known beside the answers. A robot may go by several words: its name, its series."""
+    """What conditions compare beside answers. A robot has several names, such as its series."""
 
     robot: frozenset[str] = frozenset()
     outcome: str = ""
 
     def fit(self, condition: ItemCondition) -> bool:
-        """Tell whether robot and outcome are among those that a condition names."""
         if condition.robot and not self.robot.intersection(condition.robot):
             return False
         return not condition.outcome or self.outcome in condition.outcome
@@ -31,12 +29,8 @@ class Circumstances:
 def shown_keys(
     definition: Definition, values: Mapping[str, Any], circumstances: Circumstances
 ) -> list[str]:
-    """Return the keys of the questions that are asked, in written order.
-
-    Args:
-        definition: the questionnaire.
-        values: answers by key; a key that is not there, or None, is no answer.
-        circumstances: robot and outcome.
+    """Return the keys of the questions that are asked, in written order. `values` are answers by
+    key; None or no entry is no answer.
     """
     shown: dict[str, None] = {}
     for question in definition.questions():

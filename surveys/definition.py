@@ -1,9 +1,8 @@
-"""A questionnaire as it is written: version 1 of the JSON format, one class a kind of thing.
+"""The definition of a questionnaire: version 1 of the JSON format.
 
-What takes one answer is a *question*: an item (surveys/item.py, a file a type in
-surveys/questions/), or one row of a grid. Every question has a key of its own, under which its
-answer is stored for good. The classes refuse unknown fields and wrong types; surveys/problems.py
-tells what types cannot.
+A *question* takes one answer: an item (surveys/item.py, with a file for each type in
+surveys/questions/), or a row of a grid. Its answer is stored under its key for good. The classes
+refuse unknown fields and wrong types; surveys/problems.py checks the rest.
 """
 
 from collections.abc import Collection, Mapping
@@ -25,8 +24,6 @@ else:
 
 
 class Page(DocumentPart, frozen=True, kw_only=True):
-    """What is on the screen at once."""
-
     key: Key
     title: Text = {}
     intro: Text = {}
@@ -39,16 +36,14 @@ class Page(DocumentPart, frozen=True, kw_only=True):
 
 
 class QuestionTopic(DocumentPart, frozen=True, kw_only=True):
-    """Questions that are reported together."""
-
     key: Key
     text: Text
     items: tuple[str, ...]
 
 
 class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
-    """A whole questionnaire. A `template` holds the structure of one whose text may not be shipped:
-    it can be filled in, not used.
+    """A questionnaire. A `template` has the structure of one whose texts may not be shipped: it can
+    be filled in, not used.
     """
 
     format: Literal[1]
@@ -66,14 +61,13 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
     scoring: ScoringRule | Literal["none"] = "none"
 
     def questions(self) -> Collection[Question]:
-        """Every question in written order."""
         return self.by_key.values()
 
     def question(self, key: str) -> Question | None:
         return self.by_key.get(key)
 
     def questions_shown(self, seed: int) -> list[Question]:
-        """Return every question in the order in which somebody with a seed meets them."""
+        """Return the questions in the order shown for a seed."""
         return [
             self.by_key[key]
             for page in self.pages
@@ -99,16 +93,14 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def reversed(self) -> Collection[str]:
-        """The keys of the questions that scores count from the other end: those that say so, and of
-        the SUS the even ones.
-        """
+        """The keys of the questions that scores count from the other end; in the SUS, the even."""
         if self.scoring == "sus":
             return [question.key for question in self.scored[1::2]]
         return [question.key for question in self.scored if question.is_reversed]
 
     def coded(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return stored values by key as scores count them: reverse-coded ones from the other end.
-        None is no answer.
+        """Return stored values by key with reverse-coded ones counted from the other end; None is
+        no answer.
         """
         turned = {
             key: self.by_key[key].from_other_end(values[key])
@@ -119,7 +111,7 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def by_key(self) -> dict[str, Question]:
-        """Its questions by key. Of keys that occur twice, which is refused, the last one counts."""
+        """The questions by key; a key that occurs twice (a problem) has the last."""
         questions = (
             Question(number, item, row, item.points(self.scales))
             for number, page in enumerate(self.pages)
@@ -130,9 +122,7 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
 
 
 def language_for(definition: Definition, wanted: str) -> str:
-    """Return the language in which a questionnaire is shown to somebody who reads `wanted` ("es",
-    "es-mx").
-    """
+    """Return the language to show a questionnaire in where `wanted` ("es-mx") is preferred."""
     for name in (wanted, wanted.split("-", maxsplit=1)[0]):
         if name in definition.languages:
             return name
@@ -143,9 +133,7 @@ prepare(Definition)
 
 
 def to_json(definition: Definition) -> bytes:
-    """Return a definition as the JSON that import takes: indented, fields in the order of the
-    classes.
-    """
+    """Return a definition as indented JSON with the fields in the order of the classes."""
     return msgspec.json.format(msgspec.json.encode(definition), indent=2) + b"\n"
 
 
@@ -155,5 +143,4 @@ def digest(definition: Definition) -> str:
 
 
 def from_stored(document: Any) -> Definition:
-    """Return the definition that a database row holds; it was checked when it was stored."""
     return msgspec.convert(document, Definition)

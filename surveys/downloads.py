@@ -1,5 +1,5 @@
-"""Answers as CSV, written while they are sent: a batch of responses at a time is in memory, however
-many there are. `long` has a line a question and response, `wide` a line a response.
+"""Answers as CSV, streamed with one batch of responses in memory. `long` has a line a question and
+response, `wide` a line a response.
 """
 
 from collections.abc import AsyncIterator, Iterator, Sequence
@@ -29,14 +29,12 @@ LONG = (
 
 
 def as_long_csv(responses: QuerySet[Response], name: str) -> StreamingHttpResponse:
-    """Return a download with a line a question and response; responses of any questionnaires."""
+    """Return a download of responses to any questionnaires."""
     return _download(_long_rows(responses), name)
 
 
 def as_wide_csv(slug: str) -> StreamingHttpResponse:
-    """Return a download with a line a response to any version of a questionnaire, with its
-    scores.
-    """
+    """Return a download of the responses to all versions of a questionnaire, with scores."""
     return _download(_wide_rows(slug), f"{slug}-wide")
 
 
@@ -51,7 +49,7 @@ def _download(rows: Iterator[Sequence[Any]], name: str) -> StreamingHttpResponse
 
 
 async def _lines(rows: Iterator[Sequence[Any]]) -> AsyncIterator[str]:
-    """Yield lines, read from the database in the thread that Django keeps for it."""
+    """Yield CSV; the database is read in Django's thread for it."""
     while part := await sync_to_async(lambda: list(islice(rows, LINES_AT_ONCE)))():
         yield csv_text(part)
 
@@ -65,15 +63,11 @@ def _long_rows(responses: QuerySet[Response]) -> Iterator[Sequence[Any]]:
         for question in definition.questions():
             key, status = question.key, given[question.key]
             cells = [key, question.item.kind, question.page + 1, places[key]]
-            answer = [one_cell(status.value), status.missing]
-            yield [*about, *cells, *answer, *_of_row(by_item.get(key))]
-
-
-def _of_row(row: Answer | None) -> list[Any]:
-    if row is None:
-        return [None] * 5
-    times = (row.first_at.isoformat(), row.answered_at.isoformat())
-    return [row.language, row.text_version, row.seconds, *times]
+            cells += [one_cell(status.value), status.missing]
+            if row := by_item.get(key):
+                cells += [row.language, row.text_version, row.seconds]
+                cells += [row.first_at.isoformat(), row.answered_at.isoformat()]
+            yield [*about, *cells, *[None] * (len(LONG) - len(ABOUT) - len(cells))]
 
 
 def _wide_rows(slug: str) -> Iterator[Sequence[Any]]:
@@ -90,9 +84,7 @@ def _wide_rows(slug: str) -> Iterator[Sequence[Any]]:
 def answered(
     responses: QuerySet[Response],
 ) -> Iterator[tuple[Response, Definition, Sequence[Answer]]]:
-    """Yield responses, the oldest first, with their questionnaire and answers; two queries a
-    batch.
-    """
+    """Yield responses, oldest first, with questionnaire and answers, in two queries a batch."""
     known: dict[Any, Definition] = {}
     ordered = (
         responses.select_related("questionnaire")

@@ -1,4 +1,4 @@
-"""The forms with which definitions come into the database: a JSON file, or the same text."""
+"""Forms that store definitions from a JSON file or its text."""
 
 from typing import Any, ClassVar
 
@@ -32,8 +32,8 @@ format_reference = lazy(_format_reference, SafeString)
 
 
 class DocumentForm(forms.ModelForm):
-    """A definition as a JSON file, or as its text: of a questionnaire or of a study. `reference` is
-    the page of its format, `limit` its greatest size in bytes.
+    """A definition of a questionnaire or of a study. `reference` is the page of its format, `limit`
+    its greatest size in bytes.
     """
 
     reference: ClassVar[str]
@@ -61,10 +61,8 @@ class DocumentForm(forms.ModelForm):
         return document if document.strip() else b""
 
     def check_version(self, slug: str, version: int) -> None:
-        """Refuse to replace another version, and to change name or version of this one.
-
-        Raises:
-            BadDefinitionError: the version exists already, or is another than the one changed.
+        """Raise BadDefinitionError for a version that exists already, or that is not the one which
+        this form changes.
         """
         own = self.instance.slug, self.instance.version
         if not self.is_new and own != (slug, version):
@@ -80,8 +78,6 @@ class DocumentForm(forms.ModelForm):
 
 
 class QuestionnaireForm(DocumentForm):
-    """A questionnaire; all of its problems are listed at once."""
-
     reference, limit = "questionnaires", MAX_BYTES
 
     class Meta:
@@ -94,9 +90,7 @@ class QuestionnaireForm(DocumentForm):
             self.fields["document"].initial = to_json(self.instance.as_definition()).decode()
 
     def clean(self) -> dict[str, Any]:
-        """Store the definition already here, so that a version that was frozen a moment ago is a
-        problem like any other.
-        """
+        """Store the definition already here: that it was just frozen is an error of the form."""
         cleaned = super().clean() or self.cleaned_data
         if self.errors:
             return cleaned

@@ -1,9 +1,5 @@
-"""What every question type is made of: the base class of items, whose methods are all that the rest
-of the site knows of a type.
-
-A type is one file in surveys/questions/ with one subclass of `Item`, found by name. Its methods
-have the defaults of a question with one input on the page and one value in the answer; a type
-overrides what is otherwise.
+"""The base classes of question types, whose methods are all that the rest of the site knows of a
+type. A type is one file in surveys/questions/ with one subclass of `Item`, found by name.
 """
 
 import datetime
@@ -44,16 +40,11 @@ WESTERNMOST, EASTERNMOST = -12, 14
 
 
 class RefusedError(ValueError):
-    """An answer that its question does not allow; the text is for the visitor, in the language of
-    the page.
-    """
-
-
-# --- parts of a definition ------------------------------------------------------------------------
+    """An answer that its question does not allow; says why in the language of the page."""
 
 
 class ItemCondition(DocumentPart, frozen=True, kw_only=True):
-    """`show_if`: all that is given must hold. `is` and the bounds ask the answer of the earlier
+    """`show_if`: all that is set must hold. `is` and the bounds are about the answer to the earlier
     question `item`.
     """
 
@@ -94,9 +85,6 @@ class Row(DocumentPart, frozen=True, kw_only=True):
     reverse: bool = False
 
 
-# --- what a page draws ----------------------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class Choice:
     """One thing to tick. `value` is what the page sends."""
@@ -110,7 +98,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Viewing:
-    """For whom a question is drawn: language, seed of the order, and when."""
+    """For whom a question is drawn, and when; `seed` is that of the order."""
 
     language: str
     seed: int
@@ -119,11 +107,9 @@ class Viewing:
 
 @dataclass(frozen=True)
 class Widget:
-    """What a type draws. `template` gets the control, and with it this.
-
-    `style` names its class in CSS, `value` is the text of its one input (`has_one_input`: its
-    label is the question's text), `attributes` are those of the input by their names in HTML.
-    `more` is what only its own template knows.
+    """What a type draws with `template`. `style` names its class in CSS, `value` is the text of its
+    one input (`has_one_input`: its label is the question's text), `attributes` are those of the
+    input by their names in HTML, `more` is only for its own template.
     """
 
     template: str
@@ -136,16 +122,14 @@ class Widget:
     is_scale: bool = False
 
 
-# --- items ----------------------------------------------------------------------------------------
-
-
 class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
-    """What every item says. Who may decline says so here; an optional item may
-    also be left empty.
+    """What all items have. The defaults are those of a question with one input on the page and one
+    value in the answer. `prefer_not` and `not_applicable` offer reasons for not answering; an
+    optional item may also be left empty.
     """
 
-    # What the editor calls it, and the labels and hints of the fields that only this type has; an
-    # empty name is that of the type.
+    # What the editor calls it (empty: the name of the type), and the labels and hints of the fields
+    # that only this type has.
     plain_name: ClassVar[Any] = ""
     labels: ClassVar[Mapping[str, Any]] = {}
     hints: ClassVar[Mapping[str, Any]] = {}
@@ -153,8 +137,8 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
     takes_several: ClassVar[bool] = False
     # A reason for no answer is one of the choices, sent in the same field; else it is beside them.
     has_reason_choices: ClassVar[bool] = False
-    # What somebody writes may begin with the mark of a reason, and may tell who they are: exports
-    # leave it out unless asked.
+    # Its text may begin with the mark of a reason, and may identify the respondent: exports leave
+    # it out unless requested.
     is_free_text: ClassVar[bool] = False
     # `show_if` may compare its answer with bounds.
     is_number: ClassVar[bool] = False
@@ -173,37 +157,26 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
 
     @property
     def kind(self) -> str:
-        """The name of its type in a definition."""
         return str(self.__struct_config__.tag)
 
-    # what it is made of
-
     def rows_asked(self, seed: int | None = None) -> Sequence[Row | None]:
-        """Return its questions, in the order shown to somebody with a seed, or as written: None is
-        the item itself.
-        """
+        """Return its questions in the order of a seed, or as written; None is the item itself."""
         return (None,)
 
     def keys_asked(self, seed: int | None = None) -> list[str]:
-        """Return the keys of its questions, in this order."""
         return [self.key if row is None else row.key for row in self.rows_asked(seed)]
 
     def points(self, scales: Scales) -> tuple[ScalePoint, ...]:
-        """Return the points of its scale; none without one, or when it names none that is there."""
+        """Return the points of its scale; none without one, or when there is none of its name."""
         return ()
 
     def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield what is wrong with it, beside what types and texts tell."""
+        """Yield its problems, except those of types and texts."""
         yield from ()
 
-    # answers
-
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> Any:
-        """Return the value to be stored (int, float, str, list of str) of what the page sent, which
-        is not empty.
-
-        Raises:
-            RefusedError: when the question does not allow it.
+        """Return the value to be stored (int, float, str, list of str) for the values that the page
+        sent, of which none is empty. Raises RefusedError when the question does not allow it.
         """
         raise NotImplementedError
 
@@ -215,12 +188,12 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
 
     def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
         """Return all values that can be chosen, with their labels; none where they are not listed.
-        Tables count them, and `show_if` may only expect one of them.
+        Tables count them, and `show_if` may expect no others.
         """
         return ()
 
     def compared(self, value: Any) -> Any:
-        """Return what of a stored value `show_if` compares and tables count; of a list, each part
+        """Return what `show_if` compares and tables count for a stored value; each part of a list
         counts.
         """
         return value
@@ -230,20 +203,18 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         return ()
 
     def ends(self, points: Sequence[ScalePoint]) -> tuple[Text, Text]:
-        """Return what the least and the greatest number are called on the page."""
+        """Return the labels of the least and the greatest number on the page."""
         return {}, {}
 
     def columns(self, key: str) -> Mapping[str, Text]:
-        """Return the columns of an answer in tables with a line a response, each with what it is
-        about beside the question.
+        """Return the columns of an answer in tables with a line a response, each with its label
+        among several of a question.
         """
         return {key: {}}
 
     def cells(self, value: Any) -> tuple[Any, ...]:
         """Return the cells of these columns for a stored value; None is no answer."""
         return ("" if value is None else one_cell(value),)
-
-    # pages
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return what the page draws; `chosen` is what the page would send now."""
@@ -268,8 +239,6 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
 
 
 class ScaleItem(Item, frozen=True, kw_only=True):
-    """An item whose answers are points of a scale of the questionnaire."""
-
     has_reason_choices: ClassVar[bool] = True
     is_number: ClassVar[bool] = True
     scored_by: ClassVar[Collection[ScoringRule]] = ("likert", "topics", "sus")
@@ -296,19 +265,17 @@ class ScaleItem(Item, frozen=True, kw_only=True):
         return (points[0].label, points[-1].label) if points else ({}, {})
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return the points as a line of choices; numbers where not all have a label."""
+        """Return the points as a line of choices; with numbers where not all have a label."""
         labels = {str(one.value): spoken(one.label, viewing.language) for one in question.points}
         named = all(labels.values())
-        choices = tuple(
+        choices = (
             Choice(value, label, value in chosen, number="" if named else value)
             for value, label in labels.items()
         )
-        return Widget("surveys/_choices.html", "scale", choices=choices, is_scale=True)
+        return Widget("surveys/_choices.html", "scale", choices=tuple(choices), is_scale=True)
 
 
 class OptionsItem(Item, frozen=True, kw_only=True):
-    """An item whose answers are among listed options."""
-
     options: tuple[Option, ...]
     order: Order = "fixed"
 
@@ -318,36 +285,26 @@ class OptionsItem(Item, frozen=True, kw_only=True):
         yield from duplicates(gettext_noop("Option"), (option.value for option in self.options))
 
     def options_shown(self, seed: int) -> list[Option]:
-        """Return the options in the order shown; those that stand alone ("none of these") stay at
-        the end.
-        """
+        """Return the options in the order shown; those that exclude all others stay at the end."""
         usual = [option for option in self.options if not option.alone]
-        return ordered(usual, self.order, seed, f"options {self.key}") + [
-            option for option in self.options if option.alone
-        ]
+        alone = [option for option in self.options if option.alone]
+        return ordered(usual, self.order, seed, f"options {self.key}") + alone
 
     def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
         return [(option.value, option.label) for option in self.options]
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
-        choices = tuple(
-            Choice(
-                one.value,
-                spoken(one.label, viewing.language),
-                one.value in chosen,
-                is_alone=one.alone,
-            )
+        language = viewing.language
+        choices = (
+            Choice(one.value, spoken(one.label, language), one.value in chosen, is_alone=one.alone)
             for one in self.options_shown(viewing.seed)
         )
-        return Widget("surveys/_choices.html", self.kind, choices=choices)
-
-
-# --- questions ------------------------------------------------------------------------------------
+        return Widget("surveys/_choices.html", self.kind, choices=tuple(choices))
 
 
 @dataclass(frozen=True)
 class Question:
-    """What takes one answer: an item, or a row of a grid. `page` counts from 0; `points` is empty
+    """An item or a row of a grid, which takes one answer. `page` counts from 0; `points` is empty
     without a scale.
     """
 
@@ -358,12 +315,11 @@ class Question:
 
     @property
     def key(self) -> str:
-        """Under what its answer is stored."""
+        """The name under which its answer is stored."""
         return self.item.key if self.row is None else self.row.key
 
     @property
     def text(self) -> Text:
-        """Its own words; those of a grid are shown above all rows."""
         return self.item.text if self.row is None else self.row.text
 
     @cached_property
@@ -380,7 +336,6 @@ class Question:
 
     @property
     def is_reversed(self) -> bool:
-        """Whether its definition says that scores count its answer from the other end."""
         return bool(getattr(self.row or self.item, "reverse", False))
 
     def from_other_end(self, value: float) -> float:
@@ -388,8 +343,8 @@ class Question:
         return self.score_values[0] + self.score_values[-1] - value
 
     def fingerprint(self, language: str) -> str:
-        """Return 12 hexadecimal digits that change with any word that is shown for it in a
-        language. They are stored with answers: the order of the texts must stay.
+        """Return 12 hexadecimal digits that change with any of its texts in a language. They are
+        stored with answers: the order of the texts must stay.
         """
         own = [self.item.text, self.text, self.item.hint, *(point.label for point in self.points)]
         for one in fields_of(type(self.item)):
@@ -401,15 +356,11 @@ class Question:
         return sha256("\x1f".join(text.get(language, "") for text in own).encode()).hexdigest()[:12]
 
 
-# --- what several types share ---------------------------------------------------------------------
-
-
 def ordered(things: Iterable[T], order: Order, seed: int, name: str) -> list[T]:
     """Return things as written, or shuffled by the seed that is stored with a response.
 
-    The generator of each list is seeded with the response's seed and the list's name, so that a new
-    page or option elsewhere changes no other order. Python promises that `random.Random(text)` and
-    `shuffle` give the same on every version since 3.2.
+    Each list has a generator of its own, so that a new page or option elsewhere changes no other
+    order. `random.Random(text)` and `shuffle` give the same on every version of Python since 3.2.
     """
     arranged = list(things)
     if order == "shuffled":
@@ -418,26 +369,20 @@ def ordered(things: Iterable[T], order: Order, seed: int, name: str) -> list[T]:
 
 
 def one_cell(value: Any) -> Any:
-    """Return a stored value as one cell of a table: of several, with bars between them."""
+    """Return a stored value as one cell of a table; several have bars between them."""
     return "|".join(value) if isinstance(value, list) else value
 
 
 def one_of(choices: Mapping[str, T], value: str) -> T:
-    """Return what a value that was sent means.
-
-    Raises:
-        RefusedError: when it is not among the choices.
-    """
+    """Return the choice for a sent value; raises RefusedError when there is none."""
     if value not in choices:
         raise RefusedError(_("Choose one of the options offered."))
     return choices[value]
 
 
 def parsed_number(value: str) -> float:
-    """Return a number that was written with a point or the language's own decimal mark.
-
-    Raises:
-        RefusedError: when it is none, or too large to be meant.
+    """Return a number that was typed with a point or the language's own decimal mark; raises
+    RefusedError when it is none, or implausibly large.
     """
     number = float("nan")
     try:
@@ -452,10 +397,8 @@ def parsed_number(value: str) -> float:
 
 
 def plain(number: float) -> str:
-    """Return a number without needless decimals."""
     return str(int(number)) if number == int(number) else str(number)
 
 
 def day_at(now: datetime.datetime, hours: int) -> datetime.date:
-    """Return which day it is at a place so many hours from UTC."""
     return now.astimezone(datetime.timezone(datetime.timedelta(hours=hours))).date()

@@ -1,15 +1,12 @@
-"""Summaries of statements on a scale, as the paper's table of results has them. Pure: numbers in,
-numbers out.
+"""Summaries of statements on a scale, as in table 5 of Melendez-Fernandez et al. (2017).
 
-The unit is the respondent (Melendez-Fernandez et al., 2017, table 5; the definition is ours,
-because the text gives none):
+The paper gives no definition; ours is:
 
-- the percentages pool all answers of a row;
+- percentages pool all answers of a row;
 - mean, standard deviation (n - 1) and confidence intervals are those of the *respondents'* scores,
-  a respondent's score being the mean over the row's statements that they answered;
+  each the mean of the row's statements that the respondent answered;
 - the half-width of an interval is c * SD / sqrt(n), with c of the normal distribution ("normal",
-  which reproduces the published half-width) or of Student's t with n - 1 degrees of freedom ("t",
-  for new studies).
+  which reproduces the published half-width) or of Student's t with n - 1 degrees of freedom ("t").
 """
 
 import math
@@ -31,11 +28,9 @@ Kind = Literal["overall", "topic", "statement"]
 
 @dataclass(frozen=True)
 class Summary:
-    """One row.
-
-    Counts and percentages are in the order of the scale; percentages are None without answers.
-    `positive` is the percentage above `neutral`, `nonpositive` the rest. `mean` is None without
-    respondents, `sd` and the half-widths below two of them.
+    """One row. Counts and percentages are in the order of the scale; percentages are None without
+    answers. `positive` is the percentage above `neutral`. `mean` is None without respondents, `sd`
+    and the half-widths below two of them.
     """
 
     respondents: int
@@ -47,7 +42,6 @@ class Summary:
     ci95: float | None
     ci99: float | None
     positive: float | None
-    nonpositive: float | None
 
 
 def summarise(
@@ -58,18 +52,18 @@ def summarise(
     interval: Interval,
     neutral: float = 0.0,
 ) -> Summary:
-    """Return the row of one or several statements.
+    """Return the row that pools one or several statements.
 
     Args:
-        responses: a mapping a respondent, from statement to value of the scale; None or no entry is
-            a missing answer.
-        statements: which of them the row pools.
-        scale: the values that there are, rising.
-        interval: of which distribution the intervals are.
+        responses: for each respondent, values of the scale by statement; None or no entry is a
+            missing answer.
+        statements: the keys to pool.
+        scale: its values, rising.
+        interval: the distribution of the intervals.
         neutral: answers above it count as positive.
 
     Raises:
-        ValueError: when an answer is no value of the scale.
+        ValueError: an answer is no value of the scale.
     """
     found = [[answers.get(key) for key in statements] for answers in responses]
     given = [[value for value in values if value is not None] for values in found]
@@ -80,7 +74,6 @@ def summarise(
     mean, sd = mean_and_sd(scores)
     total = counts.total()
     above = sum(n for value, n in counts.items() if value > neutral)
-    positive = 100.0 * above / total if total else None
     return Summary(
         respondents=len(scores),
         answers=total,
@@ -90,13 +83,12 @@ def summarise(
         sd=sd,
         ci95=half_width(sd, len(scores), 0.95, interval),
         ci99=half_width(sd, len(scores), 0.99, interval),
-        positive=positive,
-        nonpositive=None if positive is None else 100.0 - positive,
+        positive=100.0 * above / total if total else None,
     )
 
 
 def mean_and_sd(scores: Sequence[float]) -> tuple[float | None, float | None]:
-    """Return mean and standard deviation (n - 1) of scores; None where there are too few."""
+    """Return mean and standard deviation (n - 1); None where there are too few scores."""
     mean = statistics.fmean(scores) if scores else None
     return mean, statistics.stdev(scores) if len(scores) > 1 else None
 
@@ -112,13 +104,10 @@ def half_width(sd: float | None, n: int, level: float, interval: Interval) -> fl
     return quantile * sd / math.sqrt(n)
 
 
-# --- the table of a questionnaire -----------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class LikertRow:
-    """A row of the table. `key` is empty for the overall row; `statements` are the keys that it
-    pools. `is_reversed`: of one statement, which is reverse-coded.
+    """A row of the table, which pools `statements` (keys). `key` is empty for the overall row;
+    `is_reversed` means a single, reverse-coded statement.
     """
 
     kind: Kind
@@ -137,18 +126,9 @@ def likert_table(
     interval: Interval,
     overall: str,
 ) -> list[LikertRow]:
-    """Return the rows of the table.
-
-    Args:
-        definition: a questionnaire whose scoring is `likert`.
-        responses: a mapping a respondent, from statement to value, as `Definition.coded` gives it;
-            None or no entry is a missing answer.
-        language: of the labels.
-        interval: `normal` as the paper, `t` for new studies.
-        overall: the label of the first row.
-
-    Raises:
-        ValueError: when the questionnaire has no statements on one scale.
+    """Return the rows of a questionnaire from values of `Definition.coded`, with labels in a
+    language; `overall` is that of the first row. Raises ValueError when its scoring is not
+    `likert`.
     """
     if definition.scoring != "likert":
         raise ValueError(f"{definition.slug} is not scored as statements on one scale")

@@ -1,5 +1,5 @@
-"""What goes on around a questionnaire, as apps above this one tell it: its page says in what it is
-asked, and how far that has come.
+"""The progress of a study around a questionnaire, which apps above this one register and its pages
+show.
 """
 
 from collections.abc import Callable
@@ -14,9 +14,8 @@ from surveys.models import Response
 
 @dataclass(frozen=True)
 class OuterProgress:
-    """What a response belongs to: its title, which of its steps this is, from 1, and what that step
-    is called, which its page says instead of the questionnaire's own title. `fill` fills earlier
-    answers into a text of the questionnaire.
+    """The title of a study, and which of its steps (from 1) a response is. The page shows
+    `step_title` instead of the questionnaire's title. `fill` fills earlier answers into a text.
     """
 
     title: str
@@ -26,25 +25,18 @@ class OuterProgress:
     fill: Callable[[str], str] | None = None
 
 
-Teller = Callable[[Response, str], OuterProgress | None]
-_tellers: list[Teller] = []
-
-
-def register_outer_progress(tell: Teller) -> None:
-    """Have an app say what a response, in a language ("es"), belongs to; None when it is none of
-    its own.
-    """
-    _tellers.append(tell)
+# Functions of a response and a language ("es"); None for responses of others.
+_sources: list[Callable[[Response, str], OuterProgress | None]] = []
+register_outer_progress = _sources.append
 
 
 def outer_progress_of(response: Response, language: str) -> OuterProgress | None:
-    """Return what a response belongs to; None when it stands alone."""
-    told = (tell(response, language) for tell in _tellers)
-    return next((found for found in told if found is not None), None)
+    found = (source(response, language) for source in _sources)
+    return next((one for one in found if one is not None), None)
 
 
 def filled_in(definition: Definition, fill: Callable[[str], str]) -> Definition:
-    """Return a questionnaire as its page shows it, with earlier answers in its texts."""
+    """Return a questionnaire with earlier answers in its texts."""
     return msgspec.convert(_filled(msgspec.to_builtins(definition), fill), Definition)
 
 

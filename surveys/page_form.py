@@ -2,7 +2,6 @@
 state, in the order shown.
 """
 
-import datetime
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -34,29 +33,9 @@ class Control:
     show_if: str = ""
 
     @property
-    def choices(self) -> tuple[Choice, ...]:
-        return self.widget.choices
-
-    @property
     def has_plain_scale(self) -> bool:
         """Whether only the ends of its scale have names, so that a phone shows it in one line."""
-        return self.widget.is_scale and not all(choice.label for choice in self.choices)
-
-    @property
-    def first_label(self) -> str:
-        return self.choices[0].label
-
-    @property
-    def last_label(self) -> str:
-        return self.choices[-1].label
-
-    @property
-    def described_by(self) -> str:
-        """The ids of hint and error, for aria-describedby; the page may put an error there
-        later.
-        """
-        names = ("hint", "error") if self.hint else ("error",)
-        return " ".join(f"q-{self.key}-{name}" for name in names)
+        return self.widget.is_scale and not all(choice.label for choice in self.widget.choices)
 
 
 @dataclass(frozen=True)
@@ -66,10 +45,6 @@ class Fieldset:
     heading: str
     hint: str
     controls: tuple[Control, ...]
-
-    @property
-    def is_matrix(self) -> bool:
-        return self.controls[0].widget.is_scale
 
     @property
     def is_shown(self) -> bool:
@@ -101,16 +76,13 @@ class PageForm:
 
 
 @dataclass(frozen=True)
-class Reader:
-    """Who looks at the page: language, seed of the order, the answers so far, what was just sent,
-    and when. A preview sees all.
+class Reader(Viewing):
+    """Who looks at the page: the answers stored so far, those just sent, and their errors. A
+    preview shows all questions.
     """
 
-    language: str
-    seed: int
-    stored: Mapping[str, AnswerValue]
-    circumstances: Circumstances
-    now: datetime.datetime
+    stored: Mapping[str, AnswerValue] = field(default_factory=dict)
+    circumstances: Circumstances = field(default_factory=Circumstances)
     errors: Mapping[str, str] = field(default_factory=dict)
     sent: Mapping[str, Sequence[str]] = field(default_factory=dict)
     sees_all: bool = False
@@ -119,20 +91,12 @@ class Reader:
 def page_form_of(
     definition: Definition, page: int, reader: Reader, shown_pages: Sequence[int]
 ) -> PageForm:
-    """Return a page as somebody sees it.
-
-    Args:
-        definition: the questionnaire.
-        page: which page, from 0.
-        reader: for whom.
-        shown_pages: the pages on which they are asked anything, for "page 2 of 3".
+    """Return page `page` (from 0) for a reader. `shown_pages` are the pages on which this reader is
+    asked anything, for "page 2 of 3".
     """
     values = {key: given.value for key, given in reader.stored.items()}
-    asked = set(
-        definition.by_key
-        if reader.sees_all
-        else shown_keys(definition, values, reader.circumstances)
-    )
+    shown = shown_keys(definition, values, reader.circumstances)
+    asked = set(definition.by_key if reader.sees_all else shown)
     own = definition.pages[page]
     here = {key: one for key, one in definition.by_key.items() if one.page == page}
     fieldsets: list[Fieldset] = []
@@ -156,7 +120,7 @@ def page_form_of(
 
 
 def _share_a_frame(before: Item, item: Item) -> bool:
-    """Statements that follow each other on the same scale are in one frame."""
+    """Tell whether two neighbours are statements on the same scale."""
     both = (before, item)
     scales = [one.scale for one in both if isinstance(one, ScaleItem) and not one.is_group]
     return len(scales) == len(both) and scales[0] == scales[1]
@@ -196,30 +160,24 @@ def _control(question: Question, shown: bool, condition: str, reader: Reader) ->
     given = reader.stored.get(key, AnswerValue())
     stored = [] if given.value is None else item.sent(given.value)
     chosen = [value for value in reader.sent.get(key, ()) if value] or stored
-    viewing = Viewing(reader.language, reader.seed, reader.now)
+    reasons: Sequence[str | None] = reader.sent.get(key + REASON_MARK) or [given.missing]
+    offered = [
+        (Missing.PREFERRED_NOT, _("Prefer not to answer"), item.prefer_not),
+        (Missing.NOT_APPLICABLE, _("Does not apply"), item.not_applicable),
+    ]
     return Control(
         key=key,
         kind=item.kind,
         text=spoken(question.text, reader.language),
-        widget=item.widget(question, chosen, viewing),
+        widget=item.widget(question, chosen, reader),
         hint="" if item.is_group else spoken(item.hint, reader.language),
         error=reader.errors.get(key, ""),
         is_required=item.required,
         is_shown=shown,
         takes_several=item.takes_several,
         has_reason_choices=item.has_reason_choices,
-        reasons=_reasons(item, given.missing, reader.sent.get(key + REASON_MARK, ())),
+        reasons=tuple(
+            Choice(value, label, value in reasons) for value, label, allowed in offered if allowed
+        ),
         show_if=condition,
-    )
-
-
-def _reasons(item: Item, stored: Missing | None, sent: Sequence[str]) -> tuple[Choice, ...]:
-    offered = [
-        (Missing.PREFERRED_NOT, _("Prefer not to answer"), item.prefer_not),
-        (Missing.NOT_APPLICABLE, _("Does not apply"), item.not_applicable),
-    ]
-    return tuple(
-        Choice(value.value, label, value in sent or (not sent and stored == value))
-        for value, label, allowed in offered
-        if allowed
     )

@@ -1,4 +1,4 @@
-"""What is wrong with a questionnaire that somebody wrote, and where it is corrected."""
+"""Problems of questionnaires, and where they are corrected."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -17,11 +17,8 @@ ABOUT = ProblemPlace("about")  # the questionnaire itself
 
 
 def parse(document: bytes) -> Definition:
-    """Return the definition that a JSON document holds.
-
-    Raises:
-        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
-            the first.
+    """Return the definition in a JSON document. Raises BadDefinitionError with all problems, or the
+    only one of JSON or types.
     """
     return checked(
         document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=_("question type")
@@ -29,7 +26,7 @@ def parse(document: bytes) -> Definition:
 
 
 def problems(definition: Definition) -> Iterator[Problem]:
-    """Yield what is wrong with a definition whose types are right."""
+    """Yield the problems of a definition whose types are right."""
     yield from within(_of_the_whole(definition), ABOUT)
     yield from _of_texts(definition)
     for name, points in definition.scales.items():
@@ -98,12 +95,13 @@ def _of_scale(points: Sequence[ScalePoint]) -> Iterator[Problem]:
 def _of_conditions(definition: Definition) -> Iterator[Problem]:
     known: dict[str, Question] = {}
     for page in definition.pages:
-        yield from _of_page(_of_condition(page.show_if, known), page)
+        found = within(_of_condition(page.show_if, known), None, "show_if")
+        yield from _of_page(found, page)
         here: dict[str, Question] = {}
         for item in page.items:
             # The order of a shuffled page is not known; a later page always is later.
             reach = known if page.order == "shuffled" else known | here
-            found = _of_condition(item.show_if, reach)
+            found = within(_of_condition(item.show_if, reach), None, "show_if")
             yield from within(found, _place_of(item), item.key)
             here |= {key: definition.by_key[key] for key in item.keys_asked()}
         known |= here
@@ -112,13 +110,8 @@ def _of_conditions(definition: Definition) -> Iterator[Problem]:
 def _of_condition(
     condition: ItemCondition | None, earlier: Mapping[str, Question]
 ) -> Iterator[Problem]:
-    if condition is not None:
-        yield from within(_of_what_is_asked(condition, earlier), None, "show_if")
-
-
-def _of_what_is_asked(
-    condition: ItemCondition, earlier: Mapping[str, Question]
-) -> Iterator[Problem]:
+    if condition is None:
+        return
     if not (condition.robot or condition.outcome or condition.item):
         yield Problem(_("Choose when it is shown, or remove the condition."))
     if bool(condition.item) != (bool(condition.one_of) or condition.is_bounded):

@@ -1,9 +1,8 @@
-"""Questionnaires in the database: taken from files or written in the editor, changed while nobody
-uses them, frozen by their first respondent.
+"""Questionnaires in the database: read from files or written in the editor, and frozen by their
+first respondent.
 
-A draft may be half done: it is stored as long as its types are right. Whether it can be asked is no
-state of its own: it can once nothing is wrong with it (surveys/problems.py), which what is in use
-was when it was frozen.
+A draft is stored as long as its types are right, and can be asked once it has no problems
+(surveys/problems.py). A frozen one had none when it was frozen.
 """
 
 import datetime
@@ -23,9 +22,8 @@ from surveys.importing.report import ImportReport
 from surveys.models import Questionnaire
 from surveys.problems import parse, problems
 
-# How often somebody else may take the next version's number first.
-ATTEMPTS = 5
-# What researchers call and search for questionnaires that have another title for respondents.
+ATTEMPTS = 5  # to get the next version's number
+# Researchers' names of questionnaires that have another title for respondents.
 INSTRUMENTS: Mapping[str, str] = {
     "tlx": "NASA-TLX",
     "sus": "SUS, System Usability Scale",
@@ -39,26 +37,29 @@ SHIPPED = Path(__file__).resolve().parent / "definitions"
 
 @cache
 def shipped() -> Mapping[str, Definition]:
-    """Return the questionnaires that come with the site, by name; templates among them."""
+    """Return the questionnaires and templates that come with the site, by name."""
     definitions = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {definition.slug: definition for definition in definitions}
 
 
+def shipped_and_not_stored() -> list[Definition]:
+    known = set(Questionnaire.objects.values_list("slug", "version"))
+    return [one for slug, one in shipped().items() if (slug, one.version) not in known]
+
+
 def listed_title(slug: str, title: str) -> str:
-    """Return what lists for researchers call a questionnaire: "NASA-TLX: The effort it took"."""
+    """Return a questionnaire's title in lists for researchers: "NASA-TLX: The effort it took"."""
     return f"{INSTRUMENTS[slug]}: {title}" if slug in INSTRUMENTS else title
 
 
 def named_by(term: str) -> list[str]:
-    """Return the questionnaires whose name among researchers has a term in it."""
+    """Return the questionnaires whose name among researchers contains a term."""
     return [slug for slug, name in INSTRUMENTS.items() if term.strip().lower() in name.lower()]
 
 
 def store(definition: Definition, now: datetime.datetime) -> Questionnaire:
-    """Put a questionnaire into the database, or return the row that holds the same already.
-
-    Raises:
-        BadDefinitionError: when it is wrong, or its version is in use with other content.
+    """Store a questionnaire, or return the row that has the same content already. Raises
+    BadDefinitionError when it has problems, or its version is in use with other content.
     """
     if found := list(problems(definition)):
         raise BadDefinitionError(found)
@@ -93,11 +94,9 @@ def _create(definition: Definition, now: datetime.datetime, **more: Any) -> Ques
 def store_next(
     definition: Definition, report: ImportReport, now: datetime.datetime
 ) -> tuple[Questionnaire, bool]:
-    """Put what was imported from another system into the database as the next version of its name,
-    with the report. Return the row, and whether it is new: the newest version may be the same.
-
-    Raises:
-        BadDefinitionError: when it is wrong, or others store versions of this name all the time.
+    """Store an imported questionnaire with its report as the next version of its name. Return the
+    row, and whether it is new: the newest version may be the same. Raises BadDefinitionError when
+    it has problems, or others keep storing versions of this name.
     """
     if found := list(problems(definition)):
         raise BadDefinitionError(found)
@@ -122,16 +121,11 @@ def _fields(definition: Definition) -> dict[str, Any]:
     }
 
 
-# --- drafts ---------------------------------------------------------------------------------------
-
-
 def begin_empty(
     slug: str, title: str, languages: Sequence[str], now: datetime.datetime
 ) -> Questionnaire:
-    """Make a draft with one page and one question, which has no text yet.
-
-    Raises:
-        BadDefinitionError: there is a questionnaire of that name.
+    """Store a draft of one page with one question without a text. Raises BadDefinitionError when
+    there is a questionnaire of that name.
     """
     question = {"kind": "text", "key": "q1", "text": {}}
     document = {
@@ -150,10 +144,8 @@ def begin_empty(
 
 
 def save_draft(questionnaire: Questionnaire, definition: Definition) -> Questionnaire:
-    """Keep a draft as it is now, complete or half done; name and version stay.
-
-    Raises:
-        ChangedMeanwhileError: it is in use, or holds something else than when it was read.
+    """Store a changed draft, complete or not; name and version stay. Raises ChangedMeanwhileError
+    when it is in use, or has changed since it was read.
     """
     slug, version = questionnaire.slug, questionnaire.version
     named = msgspec.structs.replace(definition, slug=slug, version=version)
@@ -163,14 +155,14 @@ def save_draft(questionnaire: Questionnaire, definition: Definition) -> Question
 
 
 def _rows_like(questionnaire: Questionnaire) -> QuerySet[Questionnaire]:
-    """The row, if it is a draft and holds the same as when it was read."""
+    """The row, if it is a draft that has not changed since it was read."""
     return Questionnaire.objects.filter(
         pk=questionnaire.pk, frozen_at=None, sha256=questionnaire.sha256
     )
 
 
 def problems_of(questionnaire: Questionnaire) -> Sequence[Problem]:
-    """Return what is wrong with a draft; nothing with what is in use."""
+    """Return the problems of a draft; a questionnaire in use has none."""
     if questionnaire.frozen_at is not None:
         return ()
     return _problems_in(msgspec.json.encode(questionnaire.definition))
@@ -182,19 +174,13 @@ def _problems_in(document: bytes) -> Sequence[Problem]:
 
 
 def is_usable(questionnaire: Questionnaire) -> bool:
-    """Tell whether it can be asked: nothing is wrong with it, and it is no template."""
+    """Tell whether it can be asked: it has no problems and is no template."""
     return not questionnaire.definition.get("template") and not problems_of(questionnaire)
 
 
-# --- versions -------------------------------------------------------------------------------------
-
-
 def current(slug: str, now: datetime.datetime) -> Questionnaire:
-    """Return the newest version of a questionnaire; one that comes with the site is put into the
-    database if it is not there yet.
-
-    Raises:
-        Questionnaire.DoesNotExist: when there is none of this name.
+    """Return the newest version of a questionnaire; one that comes with the site is stored first.
+    Raises Questionnaire.DoesNotExist when there is none of this name.
     """
     if row := Questionnaire.objects.filter(slug=slug).order_by("-version").first():
         return row
@@ -204,10 +190,8 @@ def current(slug: str, now: datetime.datetime) -> Questionnaire:
 
 
 def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
-    """Return the row as it will stay from now on.
-
-    Raises:
-        BadDefinitionError: when it is a template, whose text is not filled in, or half written.
+    """Return the row, which cannot change from now on. Raises BadDefinitionError when it is a
+    template or has problems.
     """
     while questionnaire.frozen_at is None:
         if questionnaire.as_definition().template:
@@ -224,7 +208,7 @@ def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnair
 
 
 def next_version(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
-    """Return a copy that can be changed, numbered after the newest version."""
+    """Store and return a draft with the same content, numbered after the newest version."""
     versions = Questionnaire.objects.filter(slug=questionnaire.slug).order_by("-version")
     newest = versions.values_list("version", flat=True)[0]
     return _put(msgspec.structs.replace(questionnaire.as_definition(), version=newest + 1), now)

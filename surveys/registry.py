@@ -1,4 +1,4 @@
-"""Families of classes that are found by name: a package, each module of which has one of them."""
+"""Families of classes found by name: each module of a package has one of them."""
 
 from collections.abc import Iterable
 from importlib import import_module
@@ -12,16 +12,9 @@ T = TypeVar("T")
 
 
 def family(package: str, path: Iterable[str], base: type[T]) -> dict[str, type[T]]:
-    """Return the class of each module of a package, by the module's name, in alphabetical order.
-
-    Args:
-        package: `__name__` of the package.
-        path: its `__path__`.
-        base: of which each module has one subclass of its own; one that is read from JSON has the
-            module's name as its tag.
-
-    Raises:
-        TypeError: a module has none, several, or one with another tag.
+    """Return the one subclass of `base` in each module of a package (its `__name__` and `__path__`)
+    by the module's name, in alphabetical order. Raises TypeError when a module has none, several,
+    or a msgspec class with another tag than its name.
     """
     names = sorted(module.name for module in iter_modules(path))
     return {name: _class_in(import_module(f"{package}.{name}"), name, base) for name in names}

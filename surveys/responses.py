@@ -1,7 +1,7 @@
-"""Responses: begun once a respondent and context, saved question by question, left page by page,
-finished once.
+"""Responses: begun once for a respondent and context, saved question by question or page by page,
+and finished once.
 
-Everything here can be called twice with the same result. Nothing relies on transactions: rows are
+Every function can be called twice with the same result. Nothing relies on transactions: rows are
 unique, and updates name the state that they expect.
 """
 
@@ -23,18 +23,16 @@ MAX_SECONDS = 24 * 3600.0
 
 
 class ClosedError(Exception):
-    """The response is finished: it takes no more answers."""
+    """The response is finished and takes no more answers."""
 
 
 class NotAskedError(Exception):
-    """Not a question that this respondent is asked now: unknown, hidden, or on a page that was not
-    reached.
-    """
+    """This respondent is not asked the question now: it is unknown, hidden, or on a later page."""
 
 
 @dataclass(frozen=True)
 class Respondent:
-    """Who answers: a user, or an anonymous key of at most 64 characters."""
+    """A user, or an anonymous key of at most 64 characters."""
 
     user: Any = None
     key: str = ""
@@ -45,14 +43,14 @@ class Respondent:
 
     @property
     def name(self) -> str:
-        """Its part of the slot."""
+        """Its part of a response's slot."""
         return f"user:{self.user.pk}" if self.user is not None else f"key:{self.key}"
 
 
 @dataclass(frozen=True)
 class Context:
-    """In what somebody is asked. `key` is opaque, `robot` the words by which the robot goes;
-    `return_to` and `back_to` are paths of this site.
+    """What a respondent is asked in. `key` is opaque, `robot` has the robot's names; `return_to`
+    and `back_to` are paths of this site.
     """
 
     key: str
@@ -65,8 +63,8 @@ class Context:
 
 @dataclass(frozen=True)
 class Saving:
-    """What comes with a saved answer: its time, the language shown, seconds of attention by
-    question, and which page load writes it, as which of its writings.
+    """How answers are saved: when, in the language shown, with seconds of attention by question;
+    `writer` is the page load that saves them, `writing` counts its requests.
     """
 
     now: datetime.datetime
@@ -78,16 +76,13 @@ class Saving:
 
 @dataclass(frozen=True)
 class PageResult:
-    """What became of a page that was sent: errors by question, and whether answers made more
-    questions appear on it.
-    """
+    """Errors of a sent page by question, and whether its answers made more questions appear."""
 
     errors: dict[str, str]
     more_appeared: bool
 
     @property
     def is_done(self) -> bool:
-        """Whether the respondent goes on."""
         return not self.errors and not self.more_appeared
 
 
@@ -100,13 +95,9 @@ def begin(
     seed: int,
     now: datetime.datetime,
 ) -> Response:
-    """Return the response of a respondent in a context, made at the first call; a later call never
-    changes what was recorded then.
-
-    A response that was begun with an older version of the questionnaire goes on with that version.
-
-    Raises:
-        BadDefinitionError: when the questionnaire is a template.
+    """Return the response of a respondent in a context, made at the first call and not changed by
+    later ones, even with a newer version of the questionnaire. Raises BadDefinitionError when the
+    questionnaire is a template.
     """
     parts = [questionnaire.slug, respondent.name, context.key]
     slot = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
@@ -142,17 +133,12 @@ def save_one(
     """Store the answer to one question in the fields of a page, empty or not, and return it.
 
     Raises:
-        ClosedError: when the response is finished.
-        NotAskedError: when the question is not one of those in front of the respondent.
-        RefusedError: when the question does not allow the answer.
+        ClosedError, NotAskedError: the response is finished, or the question not on a page so far.
+        RefusedError: the question does not allow the answer.
     """
     _check_open(response)
-    question, stored = definition.question(key), response.given()
-    if (
-        question is None
-        or question.page > response.reached
-        or key not in _shown(response, definition, stored)
-    ):
+    question, shown = definition.question(key), _shown(response, definition, response.given())
+    if question is None or question.page > response.reached or key not in shown:
         raise NotAskedError(key)
     given = read_answer(question, fields, saving.now)
     _write(response, definition, [(question, given)], saving)
@@ -168,20 +154,9 @@ def save_page(
     offered: Iterable[str],
     saving: Saving,
 ) -> PageResult:
-    """Store the answers of a whole page and tell what is still wrong; what is right is stored in
-    any case.
-
-    Args:
-        response: whose page it is.
-        definition: its questionnaire.
-        page: which page, from 0.
-        fields: the page's fields.
-        offered: keys of the questions that the respondent could see.
-        saving: when and how.
-
-    Raises:
-        ClosedError: when the response is finished.
-        NotAskedError: when the page was not reached, or fields of other questions came with it.
+    """Store the answers of a whole page (from 0) and return the errors of the others. `offered` are
+    the keys of the questions that the respondent saw. Raises ClosedError when the response is
+    finished, and NotAskedError for a later page or when `offered` has questions of other pages.
     """
     _check_open(response)
     here = {key: one for key, one in definition.by_key.items() if one.page == page}
@@ -207,9 +182,7 @@ def save_page(
 
 
 def leave_page(response: Response, definition: Definition, page: int) -> int | None:
-    """Note that a page was left behind and return the next one with questions; None after the
-    last.
-    """
+    """Record that a page is done; return the next one with questions, None after the last."""
     following = next((n for n in pages_shown(response, definition) if n > page), None)
     left_behind = len(definition.pages) if following is None else following
     unfinished = Response.objects.filter(pk=response.pk, finished_at=None)
@@ -219,9 +192,7 @@ def leave_page(response: Response, definition: Definition, page: int) -> int | N
 
 
 def finish(response: Response, definition: Definition, now: datetime.datetime) -> int | None:
-    """Close a response. Returns None when it is closed, or the first page on which a required
-    answer is missing.
-    """
+    """Close a response and return None, or the first page on which a required answer is missing."""
     stored = response.given()
     for key in _shown(response, definition, stored):
         question, given = definition.by_key[key], stored.get(key)
@@ -235,8 +206,8 @@ def finish(response: Response, definition: Definition, now: datetime.datetime) -
 
 
 def place(response: Response, definition: Definition) -> int | None:
-    """Return the page at which a respondent goes on, from 0: the furthest that is open; None when
-    nothing is left to ask.
+    """Return the page at which a respondent resumes, from 0: the furthest that is open; None when
+    none is.
     """
     shown = pages_shown(response, definition)
     open_now = [page for page in shown if page <= response.reached]
@@ -246,7 +217,7 @@ def place(response: Response, definition: Definition) -> int | None:
 
 
 def pages_shown(response: Response, definition: Definition) -> list[int]:
-    """Return the pages on which this respondent is asked anything, from 0, rising."""
+    """Return the pages on which this respondent is asked anything, from 0, in order."""
     shown = _shown(response, definition, response.given())
     return sorted({definition.by_key[key].page for key in shown})
 
@@ -284,15 +255,12 @@ def _write(
         if (seconds := saving.seconds.get(question.key)) is not None:
             elapsed = (saving.now - response.started_at).total_seconds()
             fields["seconds"] = round(min(max(seconds, 0.0), elapsed, MAX_SECONDS), 2)
-        _write_row(response, question.key, fields, saving)
+        first = {"first_at": saving.now, **fields}
+        slot = {"response": response, "item": question.key}
+        row, is_new = Answer.objects.get_or_create(**slot, defaults=first)
+        if not is_new:
+            older = Answer.objects.filter(pk=row.pk)
+            if saving.writer:
+                older = older.exclude(writer=saving.writer, writing__gte=saving.writing)
+            older.update(**fields)
     Response.objects.filter(pk=response.pk).update(seen_at=saving.now)
-
-
-def _write_row(response: Response, key: str, fields: dict[str, Any], saving: Saving) -> None:
-    first = {"first_at": saving.now, **fields}
-    row, is_new = Answer.objects.get_or_create(response=response, item=key, defaults=first)
-    if not is_new:
-        older = Answer.objects.filter(pk=row.pk)
-        if saving.writer:
-            older = older.exclude(writer=saving.writer, writing__gte=saving.writing)
-        older.update(**fields)

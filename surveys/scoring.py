@@ -24,27 +24,16 @@ WHOLE = "overall"
 
 @dataclass(frozen=True)
 class ScoredScale:
-    """Items that make one score.
-
-    Attributes:
-        key: a topic's or an item's key; WHOLE for the one of all scored items.
-        name: what its score is called in exports.
-        label: what it is about; empty for the whole.
-        items: the keys of its items, in written order.
-        rule: how its score is computed.
-        bounds: the least and the greatest score there can be.
-    """
-
-    key: str
-    name: str
-    label: Text
-    items: tuple[str, ...]
+    key: str  # of a topic or an item; WHOLE for that of all scored items
+    name: str  # of the score in exports
+    label: Text  # empty for the whole
+    items: tuple[str, ...]  # keys, in written order
     rule: ScoringRule
-    bounds: tuple[float, float]
+    bounds: tuple[float, float]  # the least and the greatest possible score
 
     def score(self, coded: Mapping[str, Any]) -> float | None:
-        """Return the score of a response, whose values are those of `Definition.coded`; None where
-        an answer is missing that the rule needs, or all are.
+        """Return the score of a response from values of `Definition.coded`; None when an answer is
+        missing that the rule needs, or all are.
         """
         given: list[float] = [coded[key] for key in self.items if coded.get(key) is not None]
         if self.rule in {"sus", "tlx_raw"} and len(given) < len(self.items):
@@ -55,7 +44,6 @@ class ScoredScale:
 
     @property
     def formula(self) -> str:
-        """How `score` computes it, in words."""
         items = ", ".join(self.items)
         if self.rule == "sus":
             return (
@@ -67,8 +55,8 @@ class ScoredScale:
 
 
 def scales_of(definition: Definition) -> tuple[ScoredScale, ...]:
-    """Return the scales of a questionnaire, the whole first; none where it is not scored, and no
-    whole where nothing says that all items are one scale (`topics`).
+    """Return the scales of a questionnaire: the whole, unless its scoring is `topics`, and the
+    topics; none where it is not scored.
     """
     rule = definition.scoring
     if rule == "none":
@@ -83,7 +71,6 @@ def scales_of(definition: Definition) -> tuple[ScoredScale, ...]:
 
 
 def topic_scales(definition: Definition) -> tuple[ScoredScale, ...]:
-    """Return a scale for each topic: the mean of its items that were answered."""
     return tuple(
         ScoredScale(
             *(topic.key, f"score_{topic.key}", topic.text, topic.items, "topics"),
@@ -94,13 +81,13 @@ def topic_scales(definition: Definition) -> tuple[ScoredScale, ...]:
 
 
 def parts_of(definition: Definition) -> tuple[ScoredScale, ...]:
-    """Return the six scales of the TLX, which are reported beside their mean; none of others."""
+    """Return the six scales of the TLX, which are reported beside their mean; none for others."""
     scored = definition.scored if definition.scoring == "tlx_raw" else ()
     return tuple(_item_scale(definition, question) for question in scored)
 
 
 def measured_scale(definition: Definition, key: str) -> ScoredScale | None:
-    """Return the scale that a key names: WHOLE, a topic, or an item by itself; None without one."""
+    """Return the scale with a key: WHOLE, a topic, or a single item; None when there is none."""
     found = {scale.key: scale for scale in (*topic_scales(definition), *scales_of(definition))}
     question = definition.question(key)
     if key in found or question is None or not question.item.is_number:
@@ -109,7 +96,7 @@ def measured_scale(definition: Definition, key: str) -> ScoredScale | None:
 
 
 def _item_scale(definition: Definition, question: Question) -> ScoredScale:
-    """Return the scale that one item is by itself: its score is the answer."""
+    """Return the scale of a single item, whose score is the answer."""
     key, keys = question.key, (question.key,)
     return ScoredScale(key, key, question.text, keys, "likert", _bounds(definition, keys))
 
@@ -121,23 +108,16 @@ def _bounds(definition: Definition, items: Sequence[str]) -> tuple[float, float]
 
 
 def scores(definition: Definition, values: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the scores of one response by name, from its stored values; none when the
-    questionnaire is not scored.
-
-    `likert` gives `score`, the mean of all statements that were answered, and `score_<topic>`
-    likewise; `topics` gives the latter alone.
+    """Return the scores of one response by name from its stored values: `score` (or the name of the
+    rule) for the whole, `score_<topic>` for topics.
     """
     coded = definition.coded(values)
     return {scale.name: scale.score(coded) for scale in scales_of(definition)}
 
 
-# --- a table with a line a response ---------------------------------------------------------------
-
-
 class WideTable:
-    """Answers and scores of responses to any version of a questionnaire. `head` names the columns:
-    two a question (its value, for which a type may need several, and why there is none), and the
-    scores.
+    """Answers and scores of responses to any version of a questionnaire. `head` has the columns: of
+    each question its value (several in some types) and the reason for none, then the scores.
     """
 
     def __init__(self, versions: Sequence[Definition]) -> None:
@@ -150,17 +130,10 @@ class WideTable:
         self.head = answers + self._scores
 
     def row(
-        self,
-        definition: Definition | None,
-        values: Mapping[str, Any],
-        missing: Mapping[str, str],
+        self, definition: Definition | None, values: Mapping[str, Any], missing: Mapping[str, str]
     ) -> list[Any]:
-        """Return the cells of a response in the order of `head`.
-
-        Args:
-            definition: the version that was answered; None for one that is not among them.
-            values: stored values by key; None or no entry is no answer.
-            missing: why there is none, by key.
+        """Return the cells of a response in the order of `head`: of stored `values` and of reasons
+        why there are none, by key. `definition` is None for a version that is not among them.
         """
         own = definition.by_key if definition is not None else {}
         cells: dict[str, Any] = scores(definition, values) if definition is not None else {}

@@ -1,9 +1,7 @@
-"""The pages on which people answer: one page of a questionnaire at a time, and single answers while
-they are given.
+"""The pages of a questionnaire, and saving single answers with JavaScript.
 
-Both ways take the same fields. Without JavaScript only the whole page is sent; with it, the page at
-the end repeats what was saved. Strangers sign in first; whether the response that they ask for is
-there, they do not learn.
+Both take the same fields; the page that is sent at the end repeats the answers that were saved one
+by one. A response of another user is answered like one that does not exist.
 """
 
 import datetime
@@ -12,15 +10,8 @@ from uuid import UUID
 
 import msgspec
 from django.contrib.auth.decorators import login_required
-from django.http import (
-    Http404,
-    HttpRequest,
-    HttpResponse,
-    HttpResponseBase,
-    HttpResponseRedirect,
-    JsonResponse,
-)
-from django.shortcuts import redirect, render
+from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
+from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.translation import get_language
 from django.utils.translation import gettext as _
@@ -47,7 +38,7 @@ ANSWERS = Attempts("survey-answer", limit=240)
 @login_required
 @require_safe
 def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
-    """Lead a respondent to where they left off, or on, when they are done."""
+    """Redirect to where the respondent left off, or on from a finished response."""
     row = _own_response(request, response)
     return _go_on(row, row.questionnaire.as_definition(), timezone.now())
 
@@ -56,7 +47,7 @@ def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def page(request: HttpRequest, response: UUID, number: int) -> HttpResponseBase:
-    """Show a page, or take it; `number` counts from 1."""
+    """Show a page, or store it; `number` counts from 1."""
     row = _own_response(request, response)
     definition, now = row.questionnaire.as_definition(), timezone.now()
     if row.finished_at is not None:
@@ -80,7 +71,9 @@ def _take(
     except NotAskedError:
         return render(request, "surveys/refused.html", {"response": row}, status=REFUSED)
     if request.POST.get("go") == "back":
-        return _back(row, definition, number)
+        # What was filled in so far is saved, and need not be complete.
+        earlier = [n for n in responses.pages_shown(row, definition) if n < number]
+        return redirect("survey_page", row.pk, (earlier[-1] if earlier else number) + 1)
     if not result.is_done:
         return _show(request, row, definition, number, result=result)
     following = responses.leave_page(row, definition, number)
@@ -126,7 +119,7 @@ def _show(
 @require_POST
 @limited(ANSWERS, json=True)
 def answer(request: HttpRequest, response: UUID) -> JsonResponse:
-    """Save one answer while the page is filled in. Says `saved`, or in `error` why not."""
+    """Save one answer while the page is filled in; `error` has the reason when it is not saved."""
     if not request.user.is_authenticated:
         return _not_saved(_("You are logged out. Log in again to continue."), SIGNED_OUT)
     row = _own_response(request, response)
@@ -151,7 +144,7 @@ def _not_saved(error: str, status: int) -> JsonResponse:
 @login_required
 @require_safe
 def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
-    """Thank whoever was asked outside of anything that goes on."""
+    """Thank the respondent of a questionnaire outside of a study."""
     row = _own_response(request, response)
     definition = row.questionnaire.as_definition()
     if row.finished_at is None:
@@ -161,18 +154,12 @@ def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
 
 
 def _own_response(request: HttpRequest, pk: UUID) -> Response:
-    """Return a response of the user who is signed in; for all others it is not there.
-
-    Raises:
-        Http404: when there is none, or it is another user's.
-    """
-    row = Response.objects.select_related("questionnaire").filter(pk=pk).first()
-    if row is None or row.user_id is None or row.user_id != request.user.pk:
-        raise Http404
-    return row
+    """Return a response of the user who is signed in; 404 for all others."""
+    rows = Response.objects.select_related("questionnaire").exclude(user=None)
+    return get_object_or_404(rows, pk=pk, user_id=request.user.pk)
 
 
-def _go_on(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseRedirect:
+def _go_on(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseBase:
     if row.finished_at is not None:
         return _away(row)
     return _to_page(row, definition, responses.place(row, definition), now)
@@ -180,21 +167,15 @@ def _go_on(row: Response, definition: Definition, now: datetime.datetime) -> Htt
 
 def _to_page(
     row: Response, definition: Definition, number: int | None, now: datetime.datetime
-) -> HttpResponseRedirect:
-    """Go to a page (from 0), or finish where there is none: a required answer may be missing."""
+) -> HttpResponseBase:
+    """Redirect to a page (from 0); without one finish, or to where a required answer is missing."""
     if number is None:
         number = responses.finish(row, definition, now)
     return _away(row) if number is None else redirect("survey_page", row.pk, number + 1)
 
 
-def _back(row: Response, definition: Definition, number: int) -> HttpResponseRedirect:
-    """Go to the page before; what was filled in so far is saved, and need not be complete."""
-    earlier = [n for n in responses.pages_shown(row, definition) if n < number]
-    return redirect("survey_page", row.pk, (earlier[-1] if earlier else number) + 1)
-
-
-def _away(row: Response) -> HttpResponseRedirect:
-    return HttpResponseRedirect(row.return_to) if row.return_to else redirect("survey_done", row.pk)
+def _away(row: Response) -> HttpResponseBase:
+    return redirect(row.return_to) if row.return_to else redirect("survey_done", row.pk)
 
 
 def _language(definition: Definition) -> str:
@@ -206,9 +187,7 @@ def _fields(request: HttpRequest) -> dict[str, list[str]]:
 
 
 def _saving(request: HttpRequest, definition: Definition) -> Saving:
-    """Return what the page says about this saving; what is malformed there is left out, because no
-    answer depends on it.
-    """
+    """Return how the page saves; malformed fields are left out, because no answer needs them."""
     writing = request.POST.get("writing", "")
     is_number = writing.isascii() and writing.isdigit() and len(writing) <= MAX_WRITER // 2
     return Saving(

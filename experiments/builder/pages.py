@@ -22,8 +22,8 @@ from experiments.definition.steps import KINDS
 from experiments.definition.wizard import WizardStage
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
+from surveys.document_forms.part_form import number
 from surveys.document_forms.parts import Document, in_languages, read_points
-from surveys.document_forms.submitted import number
 
 # The fields of the study itself, by page.
 PAGES: Mapping[str, Collection[str]] = {

@@ -36,9 +36,9 @@ from experiments.participation.steps import page_type
 from experiments.research.study_access import study_for
 from robots.floorplans import plan_content
 from robots.models import FloorPlan
+from surveys.document_forms.part_form import MEANWHILE, SubmittedPart, number, pressed
 from surveys.document_forms.parts import Document, change
 from surveys.document_forms.problem_text import by_place, sentences, text_name
-from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
 from surveys.documents import ChangedMeanwhileError, Problem, ProblemPlace
 from surveys.editor.views import leads_here
 
@@ -316,7 +316,7 @@ def _read(request: HttpRequest, row: Row, place: BuilderPlace, whole: Document) 
         case "plan":
             choices.write_claims(study, part)
     listed: Document = {"shared": request.POST.getlist("shared_fields")}
-    errors = StudyPartForm(cls, part, offered=listed, only=place.only, is_sent=True).told
+    errors = StudyPartForm(cls, part, offered=listed, only=place.only, is_sent=True).refusals
     if place.section == "conditions" and not errors:
         errors = choices.speeds_refused(part)
     return SubmittedPart(part, errors | refused, anchor=anchor)

@@ -25,7 +25,6 @@ from experiments.participation.drive_status import (
     status_at,
 )
 from experiments.recruitment import appointments, recognition, sites
-from surveys.conditions import Circumstances
 from surveys.definition import language_for
 from surveys.documents import BadDefinitionError, Text, spoken
 from surveys.models import Questionnaire
@@ -115,7 +114,7 @@ class AskingPage(StepPage):
         total = len(definition.pages)
         asked = request.GET.get("page", "")
         page = int(asked) if asked in {str(n) for n in range(1, total + 1)} else 1
-        reader = Reader(language, 0, {}, Circumstances(), now, sees_all=True)
+        reader = Reader(language, seed=0, now=now, sees_all=True)
         outer = questions.progress_around(self.participant, request.LANGUAGE_CODE)
         more = {
             "form": page_form_of(definition, page - 1, reader, range(total)),

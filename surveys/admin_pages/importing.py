@@ -1,8 +1,6 @@
-"""The administration's pages that import a questionnaire from another system: a file, the report of
-what became of it, and only then the questionnaire.
-
-Between the two pages the questionnaire travels in the form, signed, so that the server keeps
-nothing that nobody saves.
+"""Pages of the administration that import a questionnaire from a file of another system: the report
+first, then the questionnaire. Between them it is in the form, signed, so that the server stores
+nothing that is not saved.
 """
 
 from collections.abc import Callable
@@ -27,7 +25,7 @@ from surveys.document_forms.fields import language_name
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.forms import format_reference
-from surveys.importing.reading import MAX_FILE, MAX_SLUG, ImportedSurvey, import_survey
+from surveys.importing.reading import MAX_FILE, MAX_SLUG, import_survey
 from surveys.importing.report import ImportReport
 from surveys.models import Questionnaire
 from surveys.questionnaires import store_next
@@ -39,8 +37,6 @@ PARCEL_SECONDS = 24 * 3600
 
 
 class FileForm(forms.Form):
-    """Which file, and what it does not say itself."""
-
     file = forms.FileField(label=gettext_lazy("File"), help_text=format_reference("questionnaires"))
     language = forms.RegexField(
         r"^[a-z]{2,3}(-[a-z0-9]{2,8})*$",
@@ -60,8 +56,6 @@ class FileForm(forms.Form):
 
 
 class SaveForm(forms.Form):
-    """The name of the questionnaire, and what is to be stored under it."""
-
     name = forms.RegexField(
         r"^[a-z][a-z0-9-]*$",
         label=gettext_lazy("Name"),
@@ -74,7 +68,6 @@ class SaveForm(forms.Form):
 
 
 def urls(guard: Callable[..., Any]) -> list[URLPattern]:
-    """Return the addresses of these pages."""
     return [
         path("import/", guard(choose), name="surveys_questionnaire_import"),
         path("import/save/", guard(save), name="surveys_questionnaire_import_save"),
@@ -84,20 +77,19 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
 @require_http_methods(["GET", "HEAD", "POST"])
 @permission_required(ADD, raise_exception=True)
 def choose(request: HttpRequest) -> HttpResponse:
-    """Take a file and show what became of it; nothing is stored."""
+    """Read a file and show the report, without storing it."""
     form = FileForm(request.POST, request.FILES) if request.method == "POST" else FileForm()
     if not form.is_valid():
         return _page(request, {"form": form})
     document = form.cleaned_data["file"].read(MAX_FILE + 1)
     language, one_form = form.cleaned_data["language"], form.cleaned_data["form"].strip()
-    found: ImportedSurvey | None = None
     try:
         found = import_survey(document, language, one_form)
-        problems = found.problems
     except BadDefinitionError as error:
-        problems = sentences(error.problems)
-    if found is None or found.definition is None:
-        form.add_error("file", problems)
+        form.add_error("file", sentences(error.problems))
+        return _page(request, {"form": form})
+    if found.definition is None:
+        form.add_error("file", found.problems)
         return _page(request, {"form": form})
     documents = msgspec.to_builtins([found.definition, found.report])
     parcel = signing.dumps(documents, salt=SALT, compress=True)
@@ -108,7 +100,7 @@ def choose(request: HttpRequest) -> HttpResponse:
 @require_POST
 @permission_required(ADD, raise_exception=True)
 def save(request: HttpRequest) -> HttpResponse:
-    """Store what the report showed, as a new version of its name."""
+    """Store a signed questionnaire as a new version of its name."""
     form = SaveForm(request.POST)
     try:
         document, report_document = signing.loads(

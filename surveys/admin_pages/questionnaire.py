@@ -1,5 +1,5 @@
-"""The administration's own pages of a questionnaire: preview, export, new version, answers, and
-those that come with the site.
+"""Pages of the administration for a questionnaire: preview, export, answers, new version, and
+adding those that come with the site.
 """
 
 from collections.abc import Callable
@@ -15,25 +15,22 @@ from django.urls import URLPattern, path, reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
-from surveys.conditions import Circumstances
 from surveys.definition import Definition, language_for, to_json
 from surveys.document_forms.fields import language_name
 from surveys.documents import spoken
 from surveys.downloads import as_long_csv, as_wide_csv
 from surveys.models import Questionnaire, Response
 from surveys.page_form import Reader, page_form_of
-from surveys.questionnaires import next_version, shipped, store
+from surveys.questionnaires import next_version, shipped_and_not_stored, store
 
 VIEW, ADD, READ = "surveys.view_questionnaire", "surveys.add_questionnaire", "surveys.view_response"
 Guard = Callable[..., Any]
 
 
 def urls(guard: Guard) -> list[URLPattern]:
-    """Return the addresses of these pages."""
     name = "surveys_questionnaire"
     return [
         path("shipped/", guard(take_shipped), name=f"{name}_shipped"),
@@ -44,13 +41,10 @@ def urls(guard: Guard) -> list[URLPattern]:
     ]
 
 
-@never_cache
 @require_safe
 @permission_required(VIEW, raise_exception=True)
 def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
-    """Show a page as its respondents see it, with every question on it;
-    `?page=2&language=es&seed=7`. Nothing is saved.
-    """
+    """Show a page with all of its questions as respondents see it: `?page=2&language=es&seed=7`."""
     row = get_object_or_404(Questionnaire, pk=pk)
     definition = row.as_definition()
     language = language_for(definition, request.GET.get("language", ""))
@@ -59,7 +53,7 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
     )
     if not 1 <= number <= len(definition.pages):
         raise Http404
-    reader = Reader(language, seed, {}, Circumstances(), timezone.now(), sees_all=True)
+    reader = Reader(language, seed, timezone.now(), sees_all=True)
     with translation.override(language):
         context: dict[str, Any] = {
             "form": page_form_of(definition, number - 1, reader, range(len(definition.pages))),
@@ -74,7 +68,7 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
 def _around(
     row: Questionnaire, definition: Definition, number: int, language: str
 ) -> dict[str, Any]:
-    """Return what is around a previewed page: links to other pages and languages."""
+    """Return the links of a preview to other pages and languages."""
     address = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
 
     def link(label: str, page: int, other: str) -> dict[str, Any]:
@@ -98,7 +92,6 @@ def _whole(text: str, default: int) -> int:
 @require_safe
 @permission_required(VIEW, raise_exception=True)
 def export(_request: HttpRequest, pk: UUID) -> HttpResponse:
-    """Return the definition as a file that import takes."""
     row = get_object_or_404(Questionnaire, pk=pk)
     headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
     return HttpResponse(
@@ -109,7 +102,6 @@ def export(_request: HttpRequest, pk: UUID) -> HttpResponse:
 @require_safe
 @permission_required(READ, raise_exception=True)
 def answers(request: HttpRequest, pk: UUID, shape: str) -> HttpResponseBase:
-    """Return the answers to all versions of a questionnaire, `long` or `wide`."""
     row = get_object_or_404(Questionnaire, pk=pk)
     audit.note("answers_exported", actor=request.user, thing=row, detail=row.slug)
     if shape == "wide":
@@ -120,7 +112,6 @@ def answers(request: HttpRequest, pk: UUID, shape: str) -> HttpResponseBase:
 @require_POST
 @permission_required(ADD, raise_exception=True)
 def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
-    """Make a copy that can be changed, and go to it."""
     copy = next_version(get_object_or_404(Questionnaire, pk=pk), timezone.now())
     messages.success(
         request, _("You can edit version %(n)d until somebody answers it.") % {"n": copy.version}
@@ -131,16 +122,9 @@ def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
 @require_POST
 @permission_required(ADD, raise_exception=True)
 def take_shipped(request: HttpRequest) -> HttpResponseRedirect:
-    """Put the questionnaires that come with the site into the database, or one of them, where they
-    are not there yet.
-    """
-    known = set(Questionnaire.objects.values_list("slug", "version"))
+    """Store the questionnaires that come with the site, or one of them."""
     wanted = request.POST.get("questionnaire", "")
-    new = [
-        definition
-        for slug, definition in shipped().items()
-        if (slug, definition.version) not in known and wanted in {"", slug}
-    ]
+    new = [one for one in shipped_and_not_stored() if wanted in {"", one.slug}]
     for definition in new:
         store(definition, timezone.now())
     text = ngettext("%(n)d questionnaire was added.", "%(n)d questionnaires were added.", len(new))

@@ -1,6 +1,4 @@
-"""The fields of forms of documents, one a value: it is shown (`prepare_value`), read (`to_python`)
-and refused (`validate`) by its field; which field it gets is said once, in `field_of`.
-"""
+"""The form fields of values in documents; `field_of` chooses the field of a value."""
 
 import math
 import re
@@ -16,17 +14,11 @@ from django.utils.text import capfirst
 from django.utils.translation import get_language_info, gettext, gettext_lazy
 from msgspec import inspect
 
-from surveys.document_forms.parts import (
-    AskedField,
-    choices_of,
-    literals,
-    read_number,
-    read_points,
-)
+from surveys.document_forms.parts import AskedField, choices_of, literals, read_number, read_points
 
 NOT_POINTS = "Write one point per line: x and y in metres."
 NONE = gettext_lazy("not chosen")
-# What msgspec says of a number beyond its limits, and what is said instead.
+# msgspec's message for a number beyond its limits, and ours.
 BEYOND = re.compile(r"Expected `\w+(?: \| null)?` ([<>]=?) (-?[\d.]+)\.$")
 LIMITS = {
     ">=": gettext_lazy("Write a number of at least %(n)s."),
@@ -34,32 +26,33 @@ LIMITS = {
     "<=": gettext_lazy("Write a number of at most %(n)s."),
     "<": gettext_lazy("Write a number below %(n)s."),
 }
-# What may be chosen, by field: values, values with what they are called, or such in groups.
+# Choices by field: values, values with labels, or groups of values with labels.
 Offered = Mapping[str, Sequence[str] | Mapping[str, Any]]
 NOTHING: Offered = MappingProxyType({})
 
 
 class GroupedText(str):
-    """What a choice is called, and the `group` of choices in which it is listed."""
+    """The label of a choice, with the name of the `group` that lists it."""
 
     __slots__ = ("group",)
     group: str
 
 
-def _called(offers: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
-    """Return what choices are called, by value; nothing for those that have no names."""
+def _labels(offers: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
+    """Return the labels of choices by value; nothing for choices without labels."""
     found: dict[str, Any] = {}
-    for key, text in offers.items() if isinstance(offers, Mapping) else ():
-        for value, called in text.items() if isinstance(text, Mapping) else ((key, text),):
-            found[value] = called
-            if isinstance(text, Mapping):
-                found[value] = GroupedText(called)
+    for key, one in offers.items() if isinstance(offers, Mapping) else ():
+        if isinstance(one, Mapping):
+            found |= {value: GroupedText(label) for value, label in one.items()}
+            for value in one:
                 found[value].group = key
+        else:
+            found[key] = one
     return found
 
 
 def language_name(code: str) -> str:
-    """Return the name of a language; one without a name here is called by its code."""
+    """Return the name of a language, or its code where Django has no name."""
     try:
         return str(capfirst(get_language_info(code)["name_translated"]))
     except KeyError:
@@ -67,8 +60,8 @@ def language_name(code: str) -> str:
 
 
 class ValueField(forms.Field):
-    """A value that is text, and what all values share. `style` names its class in CSS; in an
-    optional part that `is_off` nothing is refused, nor is what is `allowed`.
+    """A text, and the base of other values. `style` names its class in CSS. It refuses no value
+    that is `allowed`, and none in an optional part that `is_off`.
     """
 
     is_off = False
@@ -94,33 +87,35 @@ class ValueField(forms.Field):
         )
 
     def prepare_value(self, value: Any) -> Any:
-        """Return what is shown for a value of the document."""
         return "" if value is None else value
 
     def to_python(self, value: Any) -> Any:
-        """Return the value of the document for what was sent; UNSET is what the class says."""
+        """Return the value in the document for what was sent; UNSET is the default."""
         text = text_of(value)
         if not text and (self.member.has_none or self.member.default is not None):
             return None if self.member.has_none else msgspec.UNSET
         return self.parse(text)
 
     def parse(self, text: str) -> Any:
-        """Return the value that a text stands for, or the text itself when it is none."""
+        """Return the value of a text, or the text itself when it has none."""
         return text
 
     def as_sent(self, value: Any) -> list[Any]:
-        """Return what a browser sends for a value that nobody touched."""
+        """Return what a browser sends for a value that was not edited."""
         shown = self.prepare_value(value)
         return list(shown) if self.style == "choices" else [shown]
 
     def validate(self, value: Any) -> None:
-        """Refuse what the class refuses."""
-        is_said = value is msgspec.UNSET or self.member.says(value) or value in self.allowed
-        if not (self.is_off or self.language or is_said) and (told := self.refusal(value)):
-            raise forms.ValidationError(told)
+        is_default = value is msgspec.UNSET or (
+            not self.member.is_required and value == self.member.default
+        )
+        if self.is_off or self.language or is_default or value in self.allowed:
+            return
+        if refusal := self.refusal(value):
+            raise forms.ValidationError(refusal)
 
     def refusal(self, value: Any) -> str:
-        """Return why a value cannot be kept; empty when it can."""
+        """Return why the class refuses a value; empty when it does not."""
         try:
             msgspec.convert(value, self.member.annotation)
         except msgspec.ValidationError as error:
@@ -133,7 +128,7 @@ def decimal_mark() -> str:
 
 
 def number_text(value: float) -> str:
-    """Return a number without needless decimals, that is read as the very same number."""
+    """Return the shortest text that is read as exactly the same number."""
     text = f"{value:.10g}"
     return text if float(text) == value else repr(value)
 
@@ -145,7 +140,6 @@ class NumberField(ValueField):
         return number_text(value) if isinstance(value, float) else str(super().prepare_value(value))
 
     def parse(self, text: str) -> Any:
-        """Return the number, or one of the words that may stand for it."""
         is_word = text in literals(self.member.annotation)
         whole = isinstance(self.member.shape, inspect.IntType)
         return text if is_word else read_number(text, whole=whole, mark=decimal_mark())
@@ -157,16 +151,16 @@ class NumberField(ValueField):
             if "," in value:
                 return gettext("Use a decimal point and no comma: 0.6, or 1000.")
             return gettext("This is not a number.") if value else gettext("Write a number.")
-        told = super().refusal(value)
-        beyond = BEYOND.search(told)
-        return LIMITS[beyond[1]] % {"n": self.limit(float(beyond[2]))} if beyond else told
+        refusal = super().refusal(value)
+        beyond = BEYOND.search(refusal)
+        return LIMITS[beyond[1]] % {"n": self.limit(float(beyond[2]))} if beyond else refusal
 
     def limit(self, value: float) -> str:
         return f"{value:g}"
 
 
 class DegreesInput(forms.TextInput):
-    """A number in degrees, and hidden before it the `exact` one in radians that it stands for."""
+    """A number in degrees, preceded by a hidden input with the `exact` number in radians."""
 
     exact = ""
 
@@ -179,8 +173,8 @@ class DegreesInput(forms.TextInput):
 
 
 class DegreesField(NumberField):
-    """An angle, or a speed of turning, that is in radians in the document and in degrees on the
-    page. What nobody touches stays the very same number, although its degrees are rounded.
+    """An angle or angular velocity, in radians in the document and in rounded degrees on the page.
+    A number that is not edited stays exactly the same.
     """
 
     def __init__(self, member: AskedField, value: Any) -> None:
@@ -198,7 +192,7 @@ class DegreesField(NumberField):
         return [repr(value) if is_number else "", self.prepare_value(value)]
 
     def to_python(self, value: Any) -> Any:
-        """Return the exact number while what is shown of it was not changed."""
+        """Return the exact number unless its degrees were edited."""
         exact, *shown = value if isinstance(value, list) and value else [""]
         known = read_number(exact, whole=False)
         if isinstance(known, float) and shown and text_of(shown) == self.prepare_value(known):
@@ -215,50 +209,39 @@ class DegreesField(NumberField):
 
 class CheckField(ValueField):
     def to_python(self, value: Any) -> bool:
-        """Return whether it was ticked: else nothing of it was sent."""
         return bool(value)
 
 
 class NamesField(ValueField):
-    """Several names or numbers: on one line with commas between them, or names as boxes to tick."""
+    """Several names or numbers on one line with commas, or names as boxes to tick."""
 
     def prepare_value(self, value: Any) -> Any:
-        """Return the names on one line, or for the boxes one by one."""
-        names = (
-            value
-            if isinstance(value, str)
-            else [number_text(one) if isinstance(one, float) else str(one) for one in value or ()]
-        )
-        is_line = self.style == "names" and not isinstance(value, str)
-        return ", ".join(names) if is_line else names
+        if isinstance(value, str):
+            return value
+        names = [number_text(one) if isinstance(one, float) else str(one) for one in value or ()]
+        return ", ".join(names) if self.style == "names" else names
 
     def refusal(self, value: Any) -> str:
-        """Refuse to take the last language away: all texts would go with it."""
+        """Also refuse to remove the last language, and with it all texts."""
         if self.member.key == "languages" and not value:
             return gettext("Choose at least one language.")
         return super().refusal(value)
 
     def to_python(self, value: Any) -> list[Any]:
-        """Return the names or numbers."""
-        words = self._words(value)
+        text = ",".join([value] if isinstance(value, str) else value or ())
+        is_spaced = self.member.key in self.member.guide.spaced
+        names = text.split(",") if is_spaced else text.replace(",", " ").split()
+        words = [name.strip() for name in names if name.strip()]
         if not isinstance(self.member.shape.item_type, inspect.FloatType):  # type: ignore[attr-defined]
             return words
         return [read_number(word, whole=False, mark=decimal_mark()) for word in words]
 
-    def _words(self, value: Any) -> list[str]:
-        values = [value] if isinstance(value, str) else value or ()
-        if self.member.key in self.member.guide.spaced:
-            return [name.strip() for one in values for name in one.split(",") if name.strip()]
-        return [name for one in values for name in one.replace(",", " ").split()]
-
 
 class PointsField(ValueField):
     def prepare_value(self, value: Any) -> str:
-        return (
-            value
-            if isinstance(value, str)
-            else "\n".join(" ".join(map(number_text, point)) for point in value or ())
-        )
+        if isinstance(value, str):
+            return value
+        return "\n".join(" ".join(map(number_text, point)) for point in value or ())
 
     def to_python(self, value: Any) -> Any:
         return read_points(text_of(value), decimal_mark())
@@ -268,11 +251,11 @@ class PointsField(ValueField):
 
 
 def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) -> ValueField:
-    """Return the field of a value that is no part, no list of parts and no text in languages.
-    `offered` is what may be chosen, by key; `value` stays among it.
+    """Return the field of a value that is no part, no list of parts and no text in languages. The
+    choices are those `offered`, and `value`.
     """
     offers = offered.get(member.called, offered.get(member.key, ()))
-    names = _called(offers)
+    names = _labels(offers)
     shape, choices = member.shape, tuple(names or offers) or choices_of(member)
     if isinstance(shape, inspect.VarTupleType):
         if isinstance(shape.item_type, inspect.TupleType):
@@ -297,7 +280,6 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
 
 
 def text_field(member: AskedField, language: str = "") -> ValueField:
-    """Return the field of a text, on a line or several."""
     style, widget = ("text", _box(8)) if member.guide.is_long(member.called) else ("line", _line())
     return ValueField(member, style, widget, language=language)
 
@@ -311,7 +293,6 @@ def _box(lines: int) -> forms.Textarea:
 
 
 def _in_groups(listed: Iterable[tuple[str, Any]]) -> list[tuple[str, Any]]:
-    """Return choices, those of a group together behind those without one."""
     groups: dict[str, list[tuple[str, Any]]] = {"": []}
     for value, words in listed:
         groups.setdefault(getattr(words, "group", ""), []).append((value, words))
@@ -326,7 +307,7 @@ def _named(
 
 
 def text_of(value: Any) -> str:
-    """Return what was sent for a field as text; of several values the last one counts."""
+    """Return the last of the values sent for a field, as text."""
     if isinstance(value, list):
         value = value[-1] if value else ""
     return str(value or "").replace("\r\n", "\n").strip()

@@ -1,14 +1,12 @@
-"""A questionnaire while it is written: what a page of the editor edits, and what buttons do to it.
-Plain documents, as in JSON, that are changed in place.
-
-Keys are made here and stay: a question is found by its key, which answers are stored under.
+"""Changes that the editor makes in place to a questionnaire, which is a plain document, as in JSON.
+Keys are made here and stay, because answers are stored under them.
 """
 
 import copy
 import itertools
 import re
 import unicodedata
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -28,14 +26,12 @@ _NUMBERED = re.compile(r"option_\d+")
 
 
 class EditedScale(DocumentPart, frozen=True, kw_only=True):
-    """A scale as a part with a form."""
-
     points: tuple[ScalePoint, ...]
 
 
 @dataclass(frozen=True)
 class EditorPlace:
-    """What a page edits: the questionnaire itself ("about"), or one of its "pages", "questions" or
+    """What a form edits: the questionnaire itself ("about"), or one of its "pages", "questions" or
     "scales".
     """
 
@@ -44,17 +40,16 @@ class EditorPlace:
 
     @property
     def only(self) -> Collection[str]:
-        """Which fields are asked for; none means all."""
+        """The fields of the form; none means all."""
         return ABOUT if self.section == "about" else ()
 
     def cls(self, part: Document) -> type[Any]:
-        """Return the class of what is edited."""
         if self.section == "questions":
             return TYPES[part["kind"]]
         return {"about": Definition, "pages": Page, "scales": EditedScale}[self.section]
 
     def part(self, whole: Document) -> Document | None:
-        """Return the document that is edited; None when it is not there."""
+        """Return the part that is edited; None when it does not exist."""
         if self.section == "about":
             return whole
         if self.section == "scales":
@@ -63,18 +58,15 @@ class EditorPlace:
         return next((parts[n] for parts, n in self.located(whole)), None)
 
     def put(self, whole: Document, part: Document) -> Document:
-        """Return the questionnaire with this part of it replaced."""
+        """Return the questionnaire with this part replaced."""
         if self.section == "about":
+            languages = part["languages"]
             kept = {key: value for key, value in whole.items() if key not in ABOUT}
-            about, languages = (
-                in_languages(Definition, kept | part, part["languages"]),
-                part["languages"],
-            )
             scales = {
                 name: [in_languages(ScalePoint, point, languages) for point in points]
                 for name, points in whole["scales"].items()
             }
-            return about | {"scales": scales}
+            return in_languages(Definition, kept | part, languages) | {"scales": scales}
         if self.section == "scales":
             whole["scales"][self.key] = part["points"]
         for parts, n in self.located(whole):
@@ -83,9 +75,7 @@ class EditorPlace:
         return whole
 
     def located(self, whole: Document) -> list[tuple[list[Document], int]]:
-        """Return the list that a page or question is in, and its number there; nothing for
-        others.
-        """
+        """Return the list of a page or question with its place in it; nothing for others."""
         pages = whole["pages"]
         lists = {"pages": [pages], "questions": [page["items"] for page in pages]}
         return [
@@ -96,16 +86,12 @@ class EditorPlace:
         ]
 
 
-# --- keys -----------------------------------------------------------------------------------------
-
-
 def keys_of(part: Document) -> list[str]:
-    """Return the keys of a page, or of a question and its rows."""
+    """Return the keys of a page or question, and of its rows."""
     return [part["key"], *(row["key"] for row in part.get("rows", ()))]
 
 
 def _parts(whole: Document) -> list[Document]:
-    """Return all pages and questions."""
     return [*whole["pages"], *(item for page in whole["pages"] for item in page["items"])]
 
 
@@ -114,23 +100,14 @@ def keys_in(whole: Document) -> set[str]:
 
 
 def numbered(stem: str, taken: Collection[str]) -> str:
-    """Return a key that is not taken: the stem, and a number."""
+    """Return a key that is not taken: the stem with a number."""
     keys = (f"{stem[:LONGEST_STEM]}{n}" for n in itertools.count(1))
     return next(key for key in keys if key not in taken)
 
 
-def _follow(whole: Document, renamed: Mapping[str, str]) -> None:
-    """Let conditions and topics name questions as they are called now."""
-    for condition in filter(None, (part.get("show_if") for part in _parts(whole))):
-        if condition.get("item") in renamed:
-            condition["item"] = renamed[condition["item"]]
-    for topic in whole["topics"]:
-        topic["items"] = [renamed.get(key, key) for key in topic["items"]]
-
-
 def complete(part: Document, former: Document, whole: Document) -> Document:
-    """Return the part that a form made, with the keys that it lacks, each once in the
-    questionnaire; the rest of the questionnaire follows keys that were changed.
+    """Return the part of a form with unique keys where it has none; conditions and topics of the
+    questionnaire are changed to its new keys.
     """
     if "key" not in former:
         return part
@@ -141,7 +118,12 @@ def complete(part: Document, former: Document, whole: Document) -> Document:
         if not key or key in taken:
             one["key"] = numbered(f"{key or part['key']}_", taken)
         taken.add(one["key"])
-    _follow(whole, dict(zip(keys_of(former), keys_of(part), strict=False)))
+    renamed = dict(zip(keys_of(former), keys_of(part), strict=False))
+    for condition in filter(None, (one.get("show_if") for one in _parts(whole))):
+        if condition.get("item") in renamed:
+            condition["item"] = renamed[condition["item"]]
+    for topic in whole["topics"]:
+        topic["items"] = [renamed.get(key, key) for key in topic["items"]]
     values: set[str] = set()
     for option in part.get("options", ()):
         option["value"] = _option_value(option, values)
@@ -150,7 +132,7 @@ def complete(part: Document, former: Document, whole: Document) -> Document:
 
 
 def _option_value(option: Document, taken: Collection[str]) -> str:
-    """Return the name of an option in the data: of its first label, once it has one."""
+    """Return the value of an option, made from its first label once it has one."""
     value = option.get("value", "")
     if value and value not in taken and not _NUMBERED.fullmatch(value):
         return str(value)
@@ -161,11 +143,8 @@ def _option_value(option: Document, taken: Collection[str]) -> str:
     return wanted if wanted and wanted not in taken else numbered(f"{stem or 'option'}_", taken)
 
 
-# --- what is new ----------------------------------------------------------------------------------
-
-
 def new_question(kind: str, scale: str, whole: Document) -> Document:
-    """Return a question without words; two of whatever is listed in it."""
+    """Return a question without texts, with two parts in each of its lists."""
     made: Document = {"kind": kind, "key": numbered("q", keys_in(whole))}
     for one in msgspec.structs.fields(TYPES[kind]):
         if one.required and one.name != "key":
@@ -177,7 +156,7 @@ def new_question(kind: str, scale: str, whole: Document) -> Document:
 
 
 def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> list[Document]:
-    """Return a new part for a list in a page, question or scale; none for another name."""
+    """Return a new part for a list in a page, question or scale, in a list; none without one."""
     types = {one.name: inspect.type_info(one.type) for one in msgspec.structs.fields(cls)}
     inner = getattr(types.get(name), "item_type", None)
     if not isinstance(inner, inspect.StructType):
@@ -196,12 +175,11 @@ def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> lis
 
 
 def _blank(field: Any) -> Any:
-    """Return a text without words, or an empty list."""
     return {} if isinstance(inspect.type_info(field.type), inspect.DictType) else []
 
 
 def copied(original: Document, whole: Document) -> Document:
-    """Return a copy of a page or question, with keys of its own."""
+    """Return a copy of a page or question with new keys."""
     copy_of, taken = copy.deepcopy(original), keys_in(whole)
     parts = [copy_of, *copy_of.get("items", ())]
     for one in [*parts, *(row for part in parts for row in part.get("rows", ()))]:
@@ -210,12 +188,9 @@ def copied(original: Document, whole: Document) -> Document:
     return copy_of
 
 
-# --- buttons --------------------------------------------------------------------------------------
-
-
 def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
-    """Move a page or question up or down, copy or remove it. At the end of its page, a question
-    moves on to the next one; the last page stays.
+    """Move a page or question up or down, copy or remove it. From an end of its page, a question
+    moves to the next page. The only page cannot be removed.
     """
     pages = whole["pages"]
     if place.section == "scales" and verb == "remove":
@@ -237,8 +212,8 @@ def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
 def type_answers(
     condition: Document, former: Document | None, questions: Sequence[Question]
 ) -> None:
-    """Let a condition name answers as they are stored, numbers as numbers; those of another
-    question than before are left out.
+    """Convert the answers in a condition to stored values; they are removed when the question has
+    changed.
     """
     asked = next((one for one in questions if one.key == condition.get("item")), None)
     if former is not None and former.get("item") != condition.get("item"):
@@ -254,7 +229,7 @@ def type_answers(
 
 
 def earlier(definition: Definition, place: EditorPlace) -> Iterator[Question]:
-    """Yield the questions that a condition of a page or question may ask."""
+    """Yield the questions that a condition of a page or question may refer to."""
     for question in definition.questions():
         page = definition.pages[question.page]
         if place.key == (page.key if place.section == "pages" else question.item.key):

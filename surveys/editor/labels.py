@@ -1,4 +1,4 @@
-"""What the editor calls things, and the scales that it offers."""
+"""The labels of the editor's forms, and the scales that it offers."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -112,11 +112,8 @@ class EditorForm(PartForm):
 
 
 def kind_name(kind: str) -> Any:
-    """Return what a type of question is called; one without a plain name by its own."""
     return TYPES[kind].plain_name or kind.replace("_", " ").capitalize()
 
-
-# --- scales ---------------------------------------------------------------------------------------
 
 _DISAGREE, _AGREE = _("Disagree"), _("Agree")
 _ENDS = (_("Strongly disagree"), _("Strongly agree"))
@@ -139,8 +136,8 @@ READY: Mapping[str, tuple[Any, Sequence[Any]]] = {
 def ready_points(
     name: str, languages: Sequence[str], former: Sequence[Document] = ()
 ) -> list[Document]:
-    """Return the points of a scale that the editor offers, in the languages that the site has. Of a
-    former scale, only languages without any label are filled in.
+    """Return the points of an offered scale with labels in the languages of the site; of a `former`
+    scale, only languages without any label are filled in.
     """
     labels, known = READY[name][1], {code for code, _label in settings.LANGUAGES}
     new = ({"value": n} for n in range(1, len(labels) + 1))
@@ -155,7 +152,7 @@ def ready_points(
 
 
 def scale_name(points: Sequence[Document], text_of: Any) -> str:
-    """Return what a scale is called: its ends, and how many points it has."""
+    """Return the name of a scale: its ends and number of points."""
     ends = [text_of(point.get("label", {})) or str(point["value"]) for point in points]
     words = {"first": ends[0] if ends else "", "last": ends[-1] if ends else "", "n": len(points)}
     return gettext("%(first)s … %(last)s (%(n)d points)") % words

@@ -1,4 +1,4 @@
-"""What the overview of the editor lists, and the addresses of what is edited and previewed."""
+"""The lists of the editor's overview, and the addresses of its forms and previews."""
 
 from collections.abc import Iterable
 from functools import partial
@@ -16,33 +16,31 @@ from surveys.editor.draft import EditorPlace
 from surveys.editor.labels import GUIDE, kind_name, scale_name
 from surveys.models import Questionnaire
 
-Told = dict[EditorPlace, list[str]]
+Problems = dict[EditorPlace, list[str]]
 
 
 def address(row: Questionnaire, place: EditorPlace | None = None) -> str:
-    """Return the address of the overview, or of a part's form."""
     if place is None:
         return reverse("admin:surveys_questionnaire_editor", args=[row.pk])
     name, keys = ("part", [place.key]) if place.key else ("section", [])
     return reverse(f"admin:surveys_questionnaire_{name}", args=[row.pk, place.section, *keys])
 
 
-def told(found: Iterable[Problem], whole: Document) -> Told:
-    """Return the sentences of problems, by the page on which each is corrected."""
+def problem_texts(found: Iterable[Problem], whole: Document) -> Problems:
+    """Return the sentences of problems by the form in which each is corrected."""
 
     def name_of(one: Problem) -> str:
-        return text_name(GUIDE, _page_for(one.place).part(whole), one.path)
+        return text_name(GUIDE, form_for(one.place).part(whole), one.path)
+
+    def form_for(place: ProblemPlace) -> EditorPlace:
+        return EditorPlace(place.section, place.part or "")
 
     sentences = by_place(found, lambda one: one.text(_), name_of)
-    return {_page_for(place): texts for place, texts in sentences.items()}
+    return {form_for(place): texts for place, texts in sentences.items()}
 
 
-def _page_for(place: ProblemPlace) -> EditorPlace:
-    return EditorPlace(place.section, place.part or "")
-
-
-def listed(row: Questionnaire, whole: Document, found: Told) -> dict[str, Any]:
-    """Return the pages with their questions, which are numbered through, and the scales."""
+def listed(row: Questionnaire, whole: Document, found: Problems) -> dict[str, Any]:
+    """Return the pages with their questions, numbered throughout, and the scales."""
     pages, number = [], 0
     for n, page in enumerate(whole["pages"], start=1):
         questions = []
@@ -66,9 +64,9 @@ def listed(row: Questionnaire, whole: Document, found: Told) -> dict[str, Any]:
     return {"pages": pages, "scales": scales, "about": about}
 
 
-def _line(row: Questionnaire, place: EditorPlace, title: str, found: Told) -> dict[str, Any]:
-    told_here = found.get(place)
-    return {"key": place.key, "title": title, "url": address(row, place), "told": told_here}
+def _line(row: Questionnaire, place: EditorPlace, title: str, found: Problems) -> dict[str, Any]:
+    url = address(row, place)
+    return {"key": place.key, "title": title, "url": url, "problems": found.get(place)}
 
 
 def preview_of(row: Questionnaire, page: int) -> str:

@@ -1,8 +1,8 @@
-"""The editor: a questionnaire written page by page, without JSON and without JavaScript.
+"""The editor of questionnaires, which needs neither JSON nor JavaScript.
 
 The overview has the pages with their questions, and the scales; each has a form of its own. Every
-button of a form sends the whole form, so that nothing that was typed is lost. A draft may be saved
-half done; what is missing is told where it is mended.
+button of a form sends the whole form, so that no input is lost. Incomplete drafts can be saved;
+their problems are shown where they are corrected.
 """
 
 from collections.abc import Callable
@@ -23,14 +23,13 @@ from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
 from surveys.definition import Definition
 from surveys.document_forms.fields import Offered, language_name
+from surveys.document_forms.part_form import MEANWHILE, SubmittedPart, number, pressed
 from surveys.document_forms.parts import Document, change
 from surveys.document_forms.problem_text import sentences
-from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.editor.draft import (
     EditorPlace,
@@ -44,7 +43,7 @@ from surveys.editor.draft import (
     type_answers,
 )
 from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
-from surveys.editor.overview import address, listed, preview_of, text_of, told
+from surveys.editor.overview import address, listed, preview_of, problem_texts, text_of
 from surveys.importing.reading import MAX_SLUG, slug_for
 from surveys.item import Question
 from surveys.models import Questionnaire
@@ -52,7 +51,7 @@ from surveys.questionnaires import begin_empty, problems_of, save_draft
 from surveys.questions import TYPES
 
 VIEW, ADD, EDIT = (f"surveys.{verb}_questionnaire" for verb in ("view", "add", "change"))
-# In the browser's session: the page of another app that leads to the editor, and its title.
+# In the session: title and address of the page of a study that the editor was opened from.
 OPENED_FROM = "questionnaire_opened_from"
 TITLES = {
     "about": gettext_lazy("About the questionnaire"),
@@ -81,10 +80,10 @@ class WriteForm(forms.Form):
 
 
 def leads_here(request: HttpRequest, title: str, url: str) -> None:
-    """Have the editor lead back to the page of a study that leads to it."""
-    told = {"title": title, "url": url}
-    if request.session.get(OPENED_FROM) != told:
-        request.session[OPENED_FROM] = told
+    """Have the editor link back to the page of a study that it was opened from."""
+    opened_from = {"title": title, "url": url}
+    if request.session.get(OPENED_FROM) != opened_from:
+        request.session[OPENED_FROM] = opened_from
 
 
 def urls(guard: Callable[..., Any]) -> list[URLPattern]:
@@ -97,11 +96,10 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
     ]
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 @permission_required(ADD, raise_exception=True)
 def write(request: HttpRequest) -> HttpResponse:
-    """Ask title, languages and name, and begin a draft."""
+    """Ask for title, languages and name, and store a draft."""
     form = WriteForm(request.POST or None)
     if form.is_valid():
         title, name = form.cleaned_data["title"], form.cleaned_data["name"]
@@ -115,7 +113,6 @@ def write(request: HttpRequest) -> HttpResponse:
     return _page(request, "write", {"title": _("Write a questionnaire"), "form": form})
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
     """Show the pages with their questions; a button adds, moves, copies or removes one."""
@@ -123,7 +120,7 @@ def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
     whole = whole_of(row)
     if request.method == "POST":
         return _press(request, row, whole)
-    found = told(problems_of(row), whole)
+    found = problem_texts(problems_of(row), whole)
     context = {
         **listed(row, whole, found),
         "title": row.title,
@@ -135,7 +132,6 @@ def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
     return _page(request, "editor", context, row)
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpResponse:
     """Show the form of the questionnaire itself or a part of it; a POST changes it."""
@@ -147,15 +143,19 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
         raise Http404
     if request.method != "POST":
         return _show(request, row, place, SubmittedPart(former or {}))
-    # If somebody else has removed the question, what was typed is shown once more.
+    # If another user has removed the question, the input is shown again.
     known = former or {"kind": request.POST["kind"], "key": key}
     sent = _read(request, place, known, whole)
     if former is None:
         sent.above.append(_("Not saved: someone else removed this question."))
     if not (sent.errors or sent.above):
-        _save(request, row, place, whole, sent)
+        refusal = keep(request, row, place.put(whole, sent.part))
+        sent.above += [refusal] if refusal else []
     if sent.errors or sent.above:
         return _show(request, Questionnaire.objects.get(pk=pk), place, sent, known)
+    user: Any = request.user
+    what = f"Changed: {section} {key}"
+    LogEntry.objects.log_actions(user.pk, [row], CHANGE, what, single_object=True)
     messages.success(request, _("Saved."))
     if request.POST.get("do") == "done":
         return redirect(f"{address(row)}#at-{sent.part.get('key', key)}")
@@ -164,13 +164,12 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
 
 
 def whole_of(row: Questionnaire) -> Document:
-    """Return a questionnaire as a plain document."""
     document: Document = msgspec.json.decode(msgspec.json.encode(row.as_definition()))
     return {"scales": {}, "topics": [], **document}
 
 
 def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
-    """Store a draft; return why it cannot be, else nothing."""
+    """Store a draft; return the reason when it cannot be stored, else ""."""
     if request.POST.get("sha256") != row.sha256:
         return str(MEANWHILE)
     asked = {item.get("scale") for page in whole["pages"] for item in page["items"]}
@@ -184,11 +183,8 @@ def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
     return ""
 
 
-# --- the overview ---------------------------------------------------------------------------------
-
-
 def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpResponse:
-    """Do what a button says: `add|up|down|copy|remove:<section>:<key>:<kind>`."""
+    """Perform the action of a button, `add|up|down|copy|remove:<section>:<key>:<kind>`."""
     verb, section, key, kind = pressed(request.POST, 4)
     place = EditorPlace(section, key)
     made = _added(whole, place, kind) if verb == "add" else None
@@ -202,8 +198,8 @@ def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpRes
 
 
 def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None:
-    """Add a page, a question of a kind to the page of the place, or a scale that is offered or has
-    two points without words; return where it is.
+    """Add a page, a question of a kind to the page of the place, or an offered or empty scale;
+    return its place.
     """
     if place.section == "pages":
         key = numbered("page_", keys_in(whole))
@@ -223,13 +219,10 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
     return EditorPlace("questions", question["key"])
 
 
-# --- forms ----------------------------------------------------------------------------------------
-
-
 def _read(
     request: HttpRequest, place: EditorPlace, former: Document, whole: Document
 ) -> SubmittedPart:
-    """Return what a form says after its button: `save`, `done`, `add:<list>`, or
+    """Return a form after the action of its button: `save`, `done`, `add:<list>`, or
     `remove|up|down:<list>:<n>`.
     """
     cls = place.cls(former)
@@ -245,31 +238,14 @@ def _read(
     elif isinstance(part.get(name), list):
         part[name] = change(part[name], verb, number(n))
         if name == "points":
-            # the words move, the values keep rising
+            # Only the labels move: values must increase.
             values = [point["value"] for point in part[name]]
             if all(isinstance(one, int) for one in values):
                 values.sort()
             part[name] = [one | {"value": n} for one, n in zip(part[name], values, strict=True)]
     offered = _offered(whole, place, part)
     form = EditorForm(cls, part, offered=offered, only=place.only, is_sent=True)
-    return SubmittedPart(part, form.told, anchor=anchor)
-
-
-def _save(
-    request: HttpRequest,
-    row: Questionnaire,
-    place: EditorPlace,
-    whole: Document,
-    sent: SubmittedPart,
-) -> None:
-    """Store a part; why it cannot be stored is told above its form."""
-    if refused := keep(request, row, place.put(whole, sent.part)):
-        sent.above.append(refused)
-        return
-    user: Any = request.user
-    LogEntry.objects.log_actions(
-        user.pk, [row], CHANGE, f"Changed: {place.section} {place.key}", single_object=True
-    )
+    return SubmittedPart(part, form.refusals, anchor=anchor)
 
 
 def _show(
@@ -298,7 +274,7 @@ def _show(
         "kind": kind,
         "above": sent.above,
         "has_errors": bool(sent.errors),
-        "told": told(problems_of(row), whole).get(place, ()),
+        "problems": problem_texts(problems_of(row), whole).get(place, ()),
         "preview": preview_of(row, page) + (f"#q-{place.key}" if kind else ""),
     }
     status = 422 if sent.errors or sent.above else 200
@@ -306,7 +282,7 @@ def _show(
 
 
 def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
-    """Return what can be chosen in a form, with what it is called."""
+    """Return the choices of a form with their labels."""
     definition, text = msgspec.convert(whole, Definition), partial(text_of, whole=whole)
     texts = {one.key: _in_full(one, text) for one in definition.questions()}
     scales = {name: scale_name(points, text) for name, points in whole["scales"].items()}
@@ -328,21 +304,17 @@ def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
 
 
 def _in_full(question: Question, text: Callable[[Document], str]) -> str:
-    """Return the text of a question, with that of the grid that it is a row of."""
+    """Return the text of a question; of a row, after that of its grid."""
     both = (question.item.text, question.text) if question.row is not None else (question.text,)
     return " · ".join(filter(None, (text(dict(one)) for one in both))) or question.key
 
 
-# --- pages ----------------------------------------------------------------------------------------
-
-
 def _row(request: HttpRequest, pk: UUID) -> Questionnaire:
-    """Return a questionnaire, to look at or, with a POST, to change."""
+    """Return a questionnaire to view or, for a POST, to change."""
     user: Any = request.user
     row = get_object_or_404(Questionnaire, pk=pk)
-    if not user.has_perm(EDIT if request.method == "POST" else VIEW) or (
-        request.method == "POST" and row.frozen_at is not None
-    ):
+    is_change = request.method == "POST"
+    if not user.has_perm(EDIT if is_change else VIEW) or (is_change and row.frozen_at is not None):
         raise PermissionDenied
     return row
 

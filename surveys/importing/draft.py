@@ -1,14 +1,13 @@
-"""A questionnaire while it is taken from a file of another system: names that fit, texts in every
-language, pages, and conditions on earlier answers.
+"""The questionnaire that an importer builds: names that fit, texts in every language, pages, and
+conditions on earlier answers.
 
-Each question is checked by itself with the rules of surveys/problems.py, so that one that cannot be
-asked here is listed with the reason and the others are imported.
+Each question is checked by itself with the rules of surveys/problems.py, so that one that this site
+cannot ask is reported with the reason and the others are imported.
 """
 
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import msgspec
@@ -28,49 +27,16 @@ Item = dict[str, Any]
 Raw = Mapping[str, str]
 
 
-def given(**fields: Any) -> Item:
-    """Return the fields that are set: not those that are None, False or without text; 0 is set,
-    and an empty list.
-    """
-    kinds = (int, float, list)
-    return {
-        name: value
-        for name, value in fields.items()
-        if value or (value is not False and isinstance(value, kinds))
-    }
-
-
-@dataclass
-class _Page:
-    title: Text
-    intro: Text
-    show_if: Item | None
-    is_shuffled: bool
-    items: list[Item] = field(default_factory=list)
-    introduced_by: list[Note] = field(default_factory=list)
-
-    def written(self, number: int) -> Item:
-        title = {language: text[:MAX_TITLE] for language, text in self.title.items()}
-        order = "shuffled" if self.is_shuffled else ""
-        more = given(title=title, intro=self.intro, show_if=self.show_if, order=order)
-        return {"key": f"page_{number}", "items": self.items, **more}
-
-
 def language_of(code: str) -> str:
-    """Return a language of another system as it is named here, "" for one that cannot be."""
+    """Return the code here for a language of another system; "" when there can be none."""
     known = {"zh-s": "zh-hans", "zh-t": "zh-hant"}
     name = known.get(code.strip().lower(), code.strip().lower().replace("_", "-"))
     return name if re.fullmatch(r"[a-z]{2,3}(-[a-z0-9]{2,8})*", name) and len(name) <= 16 else ""
 
 
 class Draft:
-    """Collects what a file asks.
-
-    Args:
-        system: the product, as PIPED names it.
-        label: the product's name for people.
-        languages: as they are named here; the first is that of texts that others lack.
-        keeps_lines: the system shows line breaks of its texts.
+    """Collects the questions of a file. `system` is its key in PIPED; the system shows line breaks
+    of texts if `keeps_lines`. `languages` are codes here.
     """
 
     def __init__(
@@ -85,22 +51,20 @@ class Draft:
         self._piped = PIPED[system]
         self._keys: set[str] = set()
         self._scales: dict[str, list[Item]] = {}
-        self._pages: list[_Page] = []
+        self._pages: list[Item] = []
+        self._introductions: list[Note] = []  # of the last page
         self._answers: dict[tuple[str, str], tuple[str, str | int]] = {}
         self._asked = 0
 
-    # the report
-
     def note(self, name: str, text: str = "") -> Note:
-        """Return a new line of the report."""
         note = Note(clean(name), excerpt(plain(text).text))
         self.report.notes.append(note)
         return note
 
     @contextmanager
     def trying(self, note: Note) -> Iterator[None]:
-        """Take a question of the file; one that cannot be asked here is left out with the reason,
-        and its names are free again.
+        """Import a question; one that this site cannot ask is left out with the reason, and its
+        names are free again.
         """
         before = set(self._keys)
         try:
@@ -112,12 +76,8 @@ class Draft:
     def leave_out(self, name: str, reason: str, text: str = "") -> None:
         self.note(name, text).left_out(reason)
 
-    # texts
-
     def text(self, raw: Raw, note: Note, *, limit: int = MAX_TEXT) -> Text:
-        """Return a text in every language, {} if none has it. What a reader of the file would miss
-        is noted.
-        """
+        """Return a text in every language, {} if none has it; losses are noted."""
         read = [plain(raw.get(one) or "", keeps_lines=self._keeps_lines) for one in self.languages]
         texts = {language: one.text for language, one in zip(self.languages, read, strict=True)}
         first = next((text for text in texts.values() if text), "")
@@ -143,7 +103,6 @@ class Draft:
         return {language: one[:limit] for language, one in text.items()}
 
     def same(self, text: str) -> Text:
-        """Return a text that is the same in every language."""
         return dict.fromkeys(self.languages, text)
 
     def joined(self, *texts: Text, by: str = " – ") -> Text:
@@ -155,10 +114,8 @@ class Draft:
             if full
         }
 
-    # names
-
     def key(self, wanted: str, note: Note) -> str:
-        """Return a key like the name in the file that no other question has."""
+        """Return an unused key like the name in the file."""
         base = re.sub(r"[^a-z0-9]+", "_", wanted.lower()).strip("_") or "question"
         base = base if base[0].isalpha() else f"q_{base}"
         key, number = base[:MAX_KEY].rstrip("_"), 1
@@ -177,13 +134,11 @@ class Draft:
 
     def scale(self, points: Iterable[tuple[int, Text]]) -> str:
         """Return the name of a scale with these points; equal scales are one."""
-        wanted = [{"value": value, **given(label=label)} for value, label in points]
+        wanted = [{"value": value, "label": label} for value, label in points]
         known = next((name for name, one in self._scales.items() if one == wanted), "")
         name = known or f"scale_{len(self._scales) + 1}"
         self._scales[name] = wanted
         return name
-
-    # pages
 
     def page(
         self,
@@ -193,78 +148,66 @@ class Draft:
         *,
         is_shuffled: bool = False,
     ) -> None:
-        """Begin a page. One that stayed without questions hands its introduction on."""
-        page = _Page(title or {}, intro or {}, show_if, is_shuffled)
-        if self._pages and not self._pages[-1].items:
+        """Begin a page. One without questions passes its introduction on."""
+        title = {language: text[:MAX_TITLE] for language, text in (title or {}).items()}
+        if self._pages and not self._pages[-1]["items"]:
             before = self._pages.pop()
-            page.title = page.title or before.title
-            page.intro = self.joined(before.intro, page.intro, by="\n\n")
-            page.introduced_by = before.introduced_by
-        self._pages.append(page)
+            title = title or before["title"]
+            intro = self.joined(before["intro"], intro or {}, by="\n\n")
+        else:
+            self._introductions = []
+        page: Item = {"title": title, "intro": intro or {}, "show_if": show_if, "items": []}
+        self._pages.append(page | {"order": "shuffled" if is_shuffled else "fixed"})
 
     def introduce(self, note: Note, text: Text) -> None:
-        """Show a text without a question: as the introduction of a page, which begins here when the
+        """Show a text without a question as the introduction of the page, or of a new one when the
         page has questions already.
         """
         if not text:
             raise NotImportedError(_("It has no text."))
         page = self._pages[-1]
-        if page.items:
+        if page["items"]:
             note.changed(_("It becomes the introduction of a new page."))
-            self.page(show_if=page.show_if, is_shuffled=page.is_shuffled)
+            self.page(show_if=page["show_if"], is_shuffled=page["order"] == "shuffled")
             page = self._pages[-1]
-        page.intro = self.shortened(self.joined(page.intro, text, by="\n\n"), note)
-        page.introduced_by.append(note)
-
-    # questions
+        page["intro"] = self.shortened(self.joined(page["intro"], text, by="\n\n"), note)
+        self._introductions.append(note)
 
     def ask(self, note: Note, items: Sequence[Item], show_if: Item | None = None) -> None:
-        """Add the items of one question of the file, all of them with a condition, if it has one;
-        an item with one of its own keeps it.
-
-        Raises:
-            NotImportedError: this site cannot ask them.
+        """Add the items of one question of the file, with its condition where they have none of
+        their own. Raises NotImportedError for what this site cannot ask.
         """
         keys = [key for item in items for key in _keys_of(item)]
         if self._asked + len(keys) > MAX_QUESTIONS:
             raise NotImportedError(
                 _("A questionnaire has at most %(n)d questions.") % {"n": MAX_QUESTIONS}
             )
-        self._check(items)
+        bare = [{name: value for name, value in one.items() if name != "show_if"} for one in items]
+        try:
+            self._checked("check", 1, [{"key": "page", "items": bare}], title=self.same("check"))
+        except BadDefinitionError as error:
+            raise NotImportedError(" ".join(sentences(error.problems))) from error
         self._asked += len(keys)
-        self._pages[-1].items += [given(show_if=show_if) | item for item in items]
+        self._pages[-1]["items"] += [{"show_if": show_if} | item for item in items]
         note.keys = keys
 
-    def _check(self, items: Sequence[Item]) -> None:
-        """Apply the rules of questionnaires to a question by itself, without its conditions."""
-        bare = [{name: value for name, value in one.items() if name != "show_if"} for one in items]
-        page = {"key": "page", "items": bare}
-        document = self._document("check", 1, items, [page], title=self.same("check"))
-        try:
-            found = sentences(problems(msgspec.convert(document, Definition)))
-        except msgspec.ValidationError as error:
-            found = [str(error)]
-        if found:
-            raise NotImportedError(" ".join(found))
-
-    # conditions
-
     def remember(self, name: str, code: str, key: str, value: str | int) -> None:
-        """Keep where an answer of the file is asked here: code `code` of its question `name`."""
+        """Map the answer `code` to the file's question `name` to a value of a question here."""
         self._answers[name.lower(), code] = (key, value)
 
     def condition(
         self, note: Note, alternatives: Iterable[tuple[str, str] | None], remark: str
     ) -> Item | None:
-        """Return `show_if` for "one of these answers was given". None, with a remark, when it
-        cannot be said: for a None among them, and for answers to several questions, to one that is
-        not asked before, or to one on the same shuffled page.
+        """Return `show_if` for "one of these answers was given". Returns None and adds a remark for
+        a None among them, and for answers to several questions, to one that is not asked before, or
+        to one on the same shuffled page.
         """
         found = [one and self._answers.get((one[0].lower(), one[1])) for one in alternatives]
         known = [one for one in found if one]
         key = known[0][0] if known else ""
-        pages = self._pages[:-1] if self._pages and self._pages[-1].is_shuffled else self._pages
-        earlier = {key for page in pages for item in page.items for key in _keys_of(item)}
+        is_shuffled = bool(self._pages) and self._pages[-1]["order"] == "shuffled"
+        pages = self._pages[:-1] if is_shuffled else self._pages
+        earlier = {key for page in pages for item in page["items"] for key in _keys_of(item)}
         if (
             not known
             or len(known) < len(found)
@@ -281,62 +224,51 @@ class Draft:
         """Return `show_if` for comparisons of one question with answers, joined by "or"; anything
         else is noted. `comparison` has the groups `name` and `answer`, which may be in quotes.
         """
-        parts = [comparison.fullmatch(part.strip("() \t\r\n")) for part in joint.split(expression)]
+        parts = (comparison.fullmatch(part.strip("() \t\r\n")) for part in joint.split(expression))
+        answers = (one and (one["name"], one["answer"].strip("\"'")) for one in parts)
         remark = _("Its condition is not imported: it is shown to everybody (%(condition)s).")
         shown = {"condition": " ".join(expression.split())[:100]}
-        return self.condition(
-            note,
-            (one and (one["name"], one["answer"].strip("\"'")) for one in parts),
-            remark % shown,
-        )
-
-    # the whole
+        return self.condition(note, answers, remark % shown)
 
     def finish(self) -> None:
-        """End the last page; what introduces it without a question is reported."""
-        if self._pages and not self._pages[-1].items:
-            for note in self._pages.pop().introduced_by:
+        """Drop the last page when it has no question, and report its introduction."""
+        if self._pages and not self._pages[-1]["items"]:
+            self._pages.pop()
+            for note in self._introductions:
                 note.left_out(
                     _("No question follows it. Here, a text always introduces a question.")
                 )
 
-    def _document(
-        self, slug: str, version: int, items: Iterable[Item], pages: Sequence[Item], **more: Any
-    ) -> Item:
-        used = {item.get("scale") for item in items}
-        return {
+    def _checked(self, slug: str, version: int, pages: Sequence[Item], **more: Any) -> Definition:
+        used = {item.get("scale") for page in pages for item in page["items"]}
+        document = {
             "format": 1,
             "slug": slug,
             "version": version,
-            "languages": list(self.languages),
+            "languages": self.languages,
             "scales": {name: points for name, points in self._scales.items() if name in used},
             "pages": pages,
-            **more,
         }
+        try:
+            definition = msgspec.convert(document | more, Definition)
+        except msgspec.ValidationError as error:
+            raise BadDefinitionError([str(error)]) from error
+        if found := list(problems(definition)):
+            raise BadDefinitionError(found)
+        return definition
 
     def definition(self, slug: str, version: int) -> Definition:
-        """Return the questionnaire under a name.
-
-        Raises:
-            BadDefinitionError: nothing of the file could be imported, or too much.
+        """Return the questionnaire under a name. Raises BadDefinitionError when nothing of the file
+        could be imported, or too much.
         """
         if not self._pages:
             raise BadDefinitionError([_("None of the file's questions can be imported.")])
-        items = [item for page in self._pages for item in page.items]
-        pages = [page.written(number) for number, page in enumerate(self._pages, start=1)]
+        pages = [{"key": f"page_{n}", **page} for n, page in enumerate(self._pages, start=1)]
         more = {"title": self.title or self.same(slug), "intro": self.intro, "source": self.source}
-        try:
-            definition = msgspec.convert(
-                self._document(slug, version, items, pages, **more), Definition
-            )
-        except msgspec.ValidationError as error:
-            raise BadDefinitionError([f"{error}."]) from error
-        if found := list(problems(definition)):
-            raise BadDefinitionError(found)
+        definition = self._checked(slug, version, pages, **more)
         if len(to_json(definition)) > MAX_BYTES:
-            raise BadDefinitionError(
-                [_("The questionnaire is larger than %(n)d kB.") % {"n": MAX_BYTES // 1024}]
-            )
+            words = _("The questionnaire is larger than %(n)d kB.") % {"n": MAX_BYTES // 1024}
+            raise BadDefinitionError([words])
         return definition
 
 
@@ -345,19 +277,14 @@ def _keys_of(item: Item) -> list[str]:
 
 
 class SurveyFormat:
-    """A file on its way into a draft, `into`; one subclass a module of `surveys.importing.formats`.
+    """A file and the draft that it becomes; each module of `surveys.importing.formats` has a
+    subclass.
 
-    Args:
-        document: the file.
-        language: that of texts whose language the file does not name.
-        form: the one form to take of a file with several; empty takes all.
-
-    Raises:
-        BadDefinitionError: the file cannot be read at all.
+    `language` is that of texts whose language the file does not name, `form` the one form to import
+    of a file with several (empty: all). Raises BadDefinitionError for a file that cannot be read.
     """
 
-    # The product and its file, as its users call them.
-    label: ClassVar[str]
+    label: ClassVar[str]  # product and file name extension, for people
     into: Draft
 
     def __init__(self, document: bytes, language: str, form: str) -> None:
@@ -365,9 +292,9 @@ class SurveyFormat:
 
     @classmethod
     def is_in(cls, document: bytes) -> bool:
-        """Tell by its beginning whether a file is of this format."""
+        """Tell from its start whether a file has this format."""
         raise NotImplementedError
 
     def convert(self) -> None:
-        """Put what the file asks into the draft."""
+        """Fill the draft."""
         raise NotImplementedError

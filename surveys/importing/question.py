@@ -1,4 +1,4 @@
-"""A question of a file on its way into a draft: what the questions of all formats share."""
+"""The conversion of a question that all formats share."""
 
 import re
 from collections import Counter
@@ -8,11 +8,11 @@ from typing import Any, ClassVar
 from django.utils.translation import gettext as _
 
 from surveys.documents import Text
-from surveys.importing.draft import Draft, Item, given
+from surveys.importing.draft import Draft, Item
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS, MIN_POINTS
 
-# Words of answers that other systems make themselves and do not write into the file.
+# Answers that other systems show and do not write into the file.
 WORDS: dict[str, dict[str, str]] = {
     "yes": {"en": "Yes", "es": "Sí", "de": "Ja", "fr": "Oui", "it": "Sì", "pt": "Sim"},
     "no": {"en": "No", "es": "No", "de": "Nein", "fr": "Non", "it": "No", "pt": "Não"},
@@ -27,7 +27,7 @@ WORDS: dict[str, dict[str, str]] = {
     "other": {"en": "Other", "es": "Otro", "de": "Andere", "fr": "Autre", "it": "Altro"},
     "comment": {"en": "Comment", "es": "Comentario", "de": "Kommentar", "fr": "Commentaire"},
 }
-# Answers that are reasons for not answering here, by the field of an item that offers them.
+# Answers that become reasons for not answering, by the field of an item that offers them.
 _REASONS = {
     "not_applicable": re.compile(
         r"n\s*/?\s*a|(not|non) applicable|does not apply|no aplica|no procede|nicht zutreffend|"
@@ -45,10 +45,9 @@ OTHER_LENGTH = 200
 
 
 class ImportedQuestion:
-    """A question that the file calls `name`. A format's subclass says what its text is (`text`),
-    whether an answer is required (`common`), and what its types become (`TYPES`, by type).
-    """
+    """A question with a `name` and a `kind` in the file. Each format has a subclass."""
 
+    # The conversion of each kind.
     TYPES: ClassVar[Mapping[str, Callable[[Any], list[Item]]]]
 
     def __init__(self, draft: Draft, note: Note, name: str, kind: str) -> None:
@@ -58,15 +57,11 @@ class ImportedQuestion:
         raise NotImplementedError
 
     def common(self) -> Item:
-        """Return the fields that every item made of it has."""
+        """Return the fields of each of its items, such as `required`."""
         raise NotImplementedError
 
     def items(self) -> list[Item]:
-        """Return what it becomes.
-
-        Raises:
-            NotImportedError: it has no counterpart here.
-        """
+        """Return the items that it becomes; raises NotImportedError when it becomes none."""
         if self.kind not in self.TYPES:
             raise self.not_supported(self.kind)
         return self.TYPES[self.kind](self)
@@ -77,7 +72,7 @@ class ImportedQuestion:
         )
 
     def note_reversal(self, text: str) -> None:
-        """Note that a text of the file says that an item is scored in reverse."""
+        """Add a remark when a text mentions reverse scoring."""
         if re.search(r"\brevers(e|ed)\b|\binvert(ed|ido|ida)\b|\bumgepolt\b", text, re.IGNORECASE):
             self.note.changed(
                 _("It is reverse-scored in the file. If a score uses it, add reverse: %(text)s"),
@@ -87,16 +82,13 @@ class ImportedQuestion:
     def unchecked(self, rule: str) -> None:
         self.note.changed(_("Its rule %(rule)s is not checked."), rule=rule)
 
-    # texts
-
     def or_name(self, text: Text) -> Text:
-        """Return the question's text, or its name where it has none."""
         if not text:
             self.note.changed(_("It has no text; its name is shown."))
         return text or self.draft.same(self.name)
 
     def word(self, name: str) -> Text:
-        """Return an answer's word that the file does not hold, in the languages of the file."""
+        """Return an answer of WORDS in the languages of the file."""
         known = WORDS[name]
         lacking = [one for one in self.draft.languages if one.split("-")[0] not in known]
         if lacking:
@@ -107,20 +99,15 @@ class ImportedQuestion:
             )
         return {one: known.get(one.split("-")[0], known["en"]) for one in self.draft.languages}
 
-    # items
-
     def key(self, *endings: str) -> str:
         return self.draft.key("_".join((self.name, *endings)), self.note)
 
     def item(self, kind: str, key: str | None = None, **fields: Any) -> Item:
-        """Return an item for the whole question."""
         own = key or self.key()
-        return {"kind": kind, "key": own, "text": self.text(), **self.common(), **given(**fields)}
+        return {"kind": kind, "key": own, "text": self.text(), **self.common(), **fields}
 
     def apart(self, remark: str, parts: Iterable[tuple[str, Text, Item]]) -> list[Item]:
-        """Return an item for each part of the question, of key, label and fields; its text is the
-        question's and its own.
-        """
+        """Return an item for each part of the question (key, label and fields)."""
         if remark:
             self.note.changed(remark)
         text, common = self.text(), self.common()
@@ -130,22 +117,18 @@ class ImportedQuestion:
         ]
 
     def length(self, most: float | None, *, is_line: bool) -> int:
-        """Return how long a text may be: as the file says, where that is possible here."""
+        """Return the maximum length of a text: that of the file where it is possible here."""
         usual = 1000 if is_line else MAX_TEXT_LENGTH
         return int(most) if most is not None and 1 <= most <= MAX_TEXT_LENGTH else usual
 
     def slider(self, least: int, most: int, low: Text, high: Text, step: int = 1) -> Item:
-        """Return the fields of a slider; an end without a label is called by its number."""
+        """Return the fields of a slider; the number is the label of an end without one."""
         low, high = low or self.draft.same(str(least)), high or self.draft.same(str(most))
         ends = {"minimum": least, "maximum": most, "low": low, "high": high}
         return {"kind": "slider", **ends, "step": step}
 
-    # options
-
     def options(self, labels: Mapping[str, Text], alone: Collection[str] = ()) -> dict[str, Item]:
-        """Return the options of a question by the codes of the file. Those without a label are left
-        out.
-        """
+        """Return options by the codes of the file; those without a label are left out."""
         values = self._option_values(list(labels))
         unnamed = [code for code, label in labels.items() if not label]
         if unnamed:
@@ -153,13 +136,12 @@ class ImportedQuestion:
                 _("Options without a text are not imported: %(codes)s."), codes=", ".join(unnamed)
             )
         return {
-            code: {"value": values[code], "label": label, **given(alone=code in alone)}
+            code: {"value": values[code], "label": label, "alone": code in alone}
             for code, label in labels.items()
             if label
         }
 
     def _option_values(self, codes: Sequence[str]) -> dict[str, str]:
-        """Return a value that fits here for each code of the file."""
         values: dict[str, str] = {}
         taken: set[str] = set()  # a file can have tens of thousands of options
         numbers: Counter[str] = Counter()
@@ -182,17 +164,13 @@ class ImportedQuestion:
         return values
 
     def other(self, key: str, option: Item) -> Item:
-        """Return the question for the words beside an option of the question with a key, asked when
-        that option is chosen.
-        """
+        """Return the question for the text beside an option of the question with a key."""
         value, label = option["value"], option["label"]
-        self.note.changed(
-            _(
-                "The text for “%(option)s” becomes a separate question, shown when that option is "
-                "chosen."
-            ),
-            option=label[self.draft.languages[0]],
+        words = _(
+            "The text for “%(option)s” becomes a separate question, shown when that option is "
+            "chosen."
         )
+        self.note.changed(words, option=label[self.draft.languages[0]])
         return {
             "kind": "text",
             "key": self.draft.key(f"{key}_{value}_text", self.note),
@@ -201,33 +179,31 @@ class ImportedQuestion:
             "show_if": {"item": key, "is": [value]},
         }
 
-    # scales
-
     def numbered(self, numbers: Sequence[int], low: Text, high: Text) -> str:
-        """Return the name of a scale of numbers; an end without a label is called by its number."""
+        """Return the name of a scale; the number is the label of an end without one."""
         ends = {numbers[0]: low, numbers[-1]: high} if numbers else {}
         points = ((n, ends[n] or self.draft.same(str(n)) if n in ends else {}) for n in numbers)
         return self.draft.scale(points)
 
     def scale(
-        self, answers: Mapping[str, tuple[str, Text]]
+        self, labels: Mapping[str, Text], codes: Mapping[str, str] | None = None
     ) -> tuple[str, dict[str, int], dict[str, bool]]:
-        """Return the scale of a grid: its name, its values by answer, and which reasons for not
-        answering it offers (`not_applicable`, `prefer_not`). `answers` have the code that is stored
-        and a label, in the order shown.
+        """Return the scale of a grid: its name, its values by answer, and the reasons for not
+        answering (`not_applicable`, `prefer_not`). `labels` are by answer in the order shown; an
+        answer without one of the `codes` is its own.
         """
         reasons: dict[str, bool] = {}
-        kept = dict(answers)
+        kept = dict(labels)
         remark = _("“%(label)s” becomes a reason for not answering, not a point of the scale.")
         for name, pattern in _REASONS.items():
-            for answer, (_code, label) in list(kept.items()):
+            for answer, label in list(kept.items()):
                 words = (text.strip(" .()") for text in label.values())
                 if len(kept) > MIN_POINTS and any(pattern.fullmatch(one) for one in words):
                     reasons[name] = True
                     del kept[answer]
                     self.note.changed(remark, label=label[self.draft.languages[0]])
-        values = self._scale_values({answer: code for answer, (code, _label) in kept.items()})
-        points = [(values[answer], label) for answer, (_code, label) in kept.items()]
+        values = self._scale_values({answer: (codes or {}).get(answer, answer) for answer in kept})
+        points = [(values[answer], label) for answer, label in kept.items()]
         if MIN_POINTS <= len(points) <= MAX_POINTS:
             for n in (0, -1):
                 value, label = points[n]
@@ -235,9 +211,7 @@ class ImportedQuestion:
         return self.draft.scale(points), values, reasons
 
     def _scale_values(self, codes: Mapping[str, str]) -> dict[str, int]:
-        """Return rising whole numbers for the codes of a scale: the codes where they are, else 1,
-        2, … in the order shown, which stays as it is.
-        """
+        """Return the codes of a scale as numbers where these increase, else 1, 2 and so on."""
         try:
             numbers = [int(code) for code in codes.values()]
         except ValueError:

@@ -1,4 +1,4 @@
-"""Reading a file of any known format, and the name that its questionnaire may have."""
+"""Reading a file of any known format in a child process."""
 
 import re
 import unicodedata
@@ -20,8 +20,8 @@ MAX_SLUG = 40
 
 
 class ImportedSurvey(msgspec.Struct, frozen=True):
-    """What became of a file: a questionnaire, its name by its title, and a report. Where nothing of
-    the file makes a questionnaire, the definition is None and `problems` say why.
+    """A questionnaire from a file under a name by its title, and a report. Without a definition,
+    `problems` are the reasons.
     """
 
     slug: str
@@ -31,10 +31,8 @@ class ImportedSurvey(msgspec.Struct, frozen=True):
 
 
 def import_survey(document: bytes, language: str, form: str, slug: str = "") -> ImportedSurvey:
-    """Return what a child process reads from a file; `slug` replaces the name by its title.
-
-    Raises:
-        BadDefinitionError: it is too large, of no known format, or cannot be read.
+    """Return what a child process reads from a file; `slug` replaces the name by its title. Raises
+    BadDefinitionError for a file that is too large, of no known format, or cannot be read.
     """
     try:
         found = run_limited(read_plain, document, language, form, slug)
@@ -44,7 +42,7 @@ def import_survey(document: bytes, language: str, form: str, slug: str = "") -> 
 
 
 def read_plain(document: bytes, language: str, form: str, slug: str) -> Any:
-    """Return an ImportedSurvey as plain data, which a child process can answer."""
+    """Return an ImportedSurvey as plain data, which a child process can return."""
     draft = read(document, language, form)
     name = slug or slug_for(next(iter(draft.title.values()), ""))
     try:
@@ -55,28 +53,21 @@ def read_plain(document: bytes, language: str, form: str, slug: str) -> Any:
 
 
 def read(document: bytes, language: str = "en", form: str = "") -> Draft:
-    """Return what a file of another system asks, of whichever format it is (SurveyFormat).
-
-    Raises:
-        BadDefinitionError: it is too large, of no known format, or cannot be read.
-    """
+    """Return the draft of a file of any format; raises as `import_survey`."""
     if len(document) > MAX_FILE:
-        told = _("The file is larger than %(n)d MB.") % {"n": MAX_FILE // 1024**2}
-        raise BadDefinitionError([told])
+        words = _("The file is larger than %(n)d MB.") % {"n": MAX_FILE // 1024**2}
+        raise BadDefinitionError([words])
     if document.startswith(b"PK\x03\x04"):
-        raise BadDefinitionError(
-            [_("This is a ZIP archive. Unpack it, and import the .qsf, .lss or .csv file in it.")]
-        )
+        words = _("This is a ZIP archive. Unpack it, and import the .qsf, .lss or .csv file in it.")
+        raise BadDefinitionError([words])
     for one in FORMATS.values():
         if one.is_in(document):
             survey = one(document, language, form)
             survey.convert()
             survey.into.finish()
             return survey.into
-    known = ", ".join(one.label for one in FORMATS.values())
-    raise BadDefinitionError(
-        [_("The file has none of these formats: %(formats)s.") % {"formats": known}]
-    )
+    known = {"formats": ", ".join(one.label for one in FORMATS.values())}
+    raise BadDefinitionError([_("The file has none of these formats: %(formats)s.") % known])
 
 
 def slug_for(title: str) -> str:

@@ -1,4 +1,4 @@
-"""What became of each part of a file that was imported: nothing is left out without a line here."""
+"""The report of an import: each part of the file that is changed or left out has a line in it."""
 
 from enum import StrEnum
 
@@ -22,12 +22,12 @@ LABELS = {
 
 
 class NotImportedError(Exception):
-    """A part of a file that has no counterpart here; the text says why."""
+    """A part of a file cannot be imported; the text is the reason."""
 
 
 class Note(msgspec.Struct):
-    """A line of the report. `name` is what the file calls it, `text` its first words, `keys` are
-    the questions that it became, `remarks` say what is different, or why it was not imported.
+    """A line of the report: the `name` of a part in the file, its first words, the keys of the
+    questions that it became, and changes or the reason for leaving it out.
     """
 
     name: str
@@ -37,7 +37,6 @@ class Note(msgspec.Struct):
     outcome: ImportOutcome = ImportOutcome.IMPORTED
 
     def changed(self, words: str, **values: object) -> None:
-        """Add a remark: words, filled in with values."""
         remark = clean(words % values if values else words)
         if remark not in self.remarks:
             self.remarks.append(remark)
@@ -55,13 +54,13 @@ class Note(msgspec.Struct):
 
 
 class ImportReport(msgspec.Struct):
-    """All of them, in the order of the file. `system` is where the file comes from."""
+    """All notes in the order of the file; `system` is the product."""
 
     system: str
     notes: list[Note] = []
 
     def counts(self) -> list[tuple[ImportOutcome, str, int]]:
-        """Return how many lines have each outcome."""
+        """Return each outcome with its label and number of lines."""
         found = [note.outcome for note in self.notes]
         return [(outcome, str(label), found.count(outcome)) for outcome, label in LABELS.items()]
 

@@ -1,7 +1,5 @@
-"""XML files of others, read so that a hostile one does no harm.
-
-A document type is refused before anything of it is read: without one there are no entities to
-expand and nothing that names another file or address. Depth and number of elements are bounded.
+"""Reading XML that may be hostile: depth and number of elements are bounded, and a document type
+is refused before it is read, because only it can define entities or refer to other files.
 """
 
 from typing import NoReturn
@@ -39,18 +37,15 @@ class _BoundedTree(ET.TreeBuilder):
 
 
 def read(document: bytes) -> ET.Element:
-    """Return the root of an XML document; names keep their prefixes as written.
-
-    Raises:
-        BadDefinitionError: it is malformed, too deep, too long, or has a document type.
+    """Return the root of an XML document, names with their prefixes. Raises BadDefinitionError for
+    one that is malformed, too deep, too long, or has a document type.
     """
-    parser = ET.XMLParser(target=_BoundedTree())  # noqa: S314 - the tree refuses what is dangerous
+    parser = ET.XMLParser(target=_BoundedTree())  # noqa: S314 - the tree refuses entities
     try:
         parser.feed(document)
         return parser.close()
+    except BadDefinitionError:
+        raise
     except (ET.ParseError, ValueError, LookupError) as error:
-        if isinstance(error, BadDefinitionError):
-            raise
-        raise BadDefinitionError(
-            [_("This is not valid XML: %(problem)s.") % {"problem": error}]
-        ) from error
+        words = _("This is not valid XML: %(problem)s.") % {"problem": error}
+        raise BadDefinitionError([words]) from error

@@ -1,5 +1,5 @@
-"""The question types, by name: each module of this package is one, and is named as its `kind` in a
-definition. Nothing outside a type's own file knows of the type (CONTRIBUTING.md: how to add one).
+"""The question types: each module of this package has one, named as its `kind` in a definition.
+Nothing outside depends on a single type (CONTRIBUTING.md: how to add one).
 """
 
 from surveys.item import Item

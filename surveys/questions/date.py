@@ -1,4 +1,4 @@
-"""A day within bounds."""
+"""A day within bounds, stored as year-month-day."""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,8 +16,6 @@ Day = Annotated[str, msgspec.Meta(pattern=r"^(today|\d{4}-\d{2}-\d{2})$")]
 
 
 class Date(Item, frozen=True, kw_only=True, tag="date"):
-    """A day within bounds, stored as year-month-day."""
-
     plain_name: ClassVar[Any] = gettext_lazy("Date")
     labels: ClassVar[Mapping[str, Any]] = {
         "earliest": gettext_lazy("Earliest day"),
@@ -42,8 +40,8 @@ class Date(Item, frozen=True, kw_only=True, tag="date"):
             yield Problem(gettext_noop("The earliest day is after the latest day."))
 
     def days_between(self, now: datetime.datetime) -> list[datetime.date | None]:
-        """Return the earliest and the latest day that it may be; None without a bound. Somewhere on
-        Earth it is still, or already, today.
+        """Return the earliest and the latest allowed day; None without a bound. "today" is any day
+        that it is now somewhere on Earth.
         """
         bounds = ((self.earliest, item.WESTERNMOST), (self.latest, item.EASTERNMOST))
         days = [str(item.day_at(now, at)) if day == "today" else day for day, at in bounds]

@@ -1,4 +1,4 @@
-"""Several statements on one scale, under one heading."""
+"""Several rows on one scale, each a question with an answer of its own, under one heading."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
@@ -10,8 +10,6 @@ from surveys.item import Order, Row, ScaleItem, Scales, ordered
 
 
 class Grid(ScaleItem, frozen=True, kw_only=True, tag="grid"):
-    """Several rows on one scale, each a question with an answer of its own."""
-
     plain_name: ClassVar[Any] = gettext_lazy("Several statements on one scale")
     labels: ClassVar[Mapping[str, Any]] = {"rows": gettext_lazy("Statements")}
     is_group: ClassVar[bool] = True
@@ -20,9 +18,9 @@ class Grid(ScaleItem, frozen=True, kw_only=True, tag="grid"):
     order: Order = "fixed"
 
     def rows_asked(self, seed: int | None = None) -> Sequence[Row]:
-        return (
-            self.rows if seed is None else ordered(self.rows, self.order, seed, f"rows {self.key}")
-        )
+        if seed is None:
+            return self.rows
+        return ordered(self.rows, self.order, seed, f"rows {self.key}")
 
     def problems(self, scales: Scales) -> Iterator[Problem]:
         yield from super().problems(scales)

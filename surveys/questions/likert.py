@@ -1,4 +1,4 @@
-"""A statement and a scale."""
+"""A statement, answered by a point of a scale."""
 
 from typing import Any, ClassVar
 
@@ -8,10 +8,6 @@ from surveys.item import ScaleItem
 
 
 class Likert(ScaleItem, frozen=True, kw_only=True, tag="likert"):
-    """A statement, answered by a point of a scale; with `reverse`, scores count it from the other
-    end.
-    """
-
     plain_name: ClassVar[Any] = gettext_lazy("Statement on a scale")
 
-    reverse: bool = False
+    reverse: bool = False  # scores count it from the other end

@@ -1,4 +1,4 @@
-"""Any of several options, within a count."""
+"""Any of several options, within a count, stored as a list of values in written order."""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,8 +12,6 @@ from surveys.item import OptionsItem, Question, RefusedError, Scales, one_of
 
 
 class Multiple(OptionsItem, frozen=True, kw_only=True, tag="multiple"):
-    """Any of several options, stored as a list of values in written order."""
-
     plain_name: ClassVar[Any] = gettext_lazy("Multiple choice")
     labels: ClassVar[Mapping[str, Any]] = {
         "at_least": gettext_lazy("Choices at least"),
@@ -37,9 +35,8 @@ class Multiple(OptionsItem, frozen=True, kw_only=True, tag="multiple"):
         chosen = [option for option in self.options if option.value in ticked]
         is_alone = any(option.alone for option in chosen)
         if len(chosen) > 1 and is_alone:
-            raise RefusedError(
-                _("One of your choices excludes the others. Choose it alone, or remove it.")
-            )
+            words = _("One of your choices excludes the others. Choose it alone, or remove it.")
+            raise RefusedError(words)
         if len(chosen) < self.at_least and not is_alone:
             raise RefusedError(_("Choose at least %(n)d.") % {"n": self.at_least})
         if self.at_most is not None and len(chosen) > self.at_most:

@@ -1,4 +1,4 @@
-"""A number within bounds."""
+"""A number within bounds; `this_year` is the year in which it is asked."""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,8 +13,6 @@ from surveys.item import Item, Question, RefusedError, Scales, Viewing, Widget, 
 
 
 class Number(Item, frozen=True, kw_only=True, tag="number"):
-    """A number within bounds; `this_year` is the year in which it is asked."""
-
     plain_name: ClassVar[Any] = pgettext_lazy("type of question", "Number")
     labels: ClassVar[Mapping[str, Any]] = {
         "minimum": gettext_lazy("Minimum"),
@@ -38,7 +36,6 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
             yield Problem(gettext_noop("The minimum is greater than the maximum."))
 
     def greatest(self, now: datetime.datetime) -> float | None:
-        """Return the upper bound; None without one."""
         year = item.day_at(now, item.EASTERNMOST).year
         return year if isinstance(self.maximum, str) else self.maximum
 
@@ -62,6 +59,5 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
             "inputmode": "numeric" if self.whole else "decimal",
             **{name: plain(bound) for name, bound in bounds.items() if bound is not None},
         }
-        return self.entry(
-            chosen, attributes, type="number", unit=spoken(self.unit, viewing.language)
-        )
+        unit = spoken(self.unit, viewing.language)
+        return self.entry(chosen, attributes, type="number", unit=unit)

@@ -1,4 +1,6 @@
-"""Options to put into an order, first to last."""
+"""All options in an order, first to last, stored as the list of their values. The page sends a
+place and an option at a time, "2.a", because without JavaScript each option has a list of places.
+"""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,12 +17,6 @@ MIN_OPTIONS, MAX_OPTIONS = 2, 20
 
 
 class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
-    """All options in an order, stored as the list of their values, the first place first.
-
-    The page sends a place and an option at a time, "2.a", because without JavaScript each option
-    has a list of places beside it.
-    """
-
     plain_name: ClassVar[Any] = gettext_lazy("Ranking")
     takes_several: ClassVar[bool] = True
 
@@ -37,7 +33,6 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
             yield Problem(words, names=(("alone",),))
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> list[str]:
-        """Return the options in the order that was given; each has a place of its own."""
         sendable = {
             f"{place}.{option.value}": (place, option.value)
             for place in range(1, len(self.options) + 1)
@@ -55,11 +50,11 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
         return [f"{place}.{option}" for place, option in enumerate(value, start=1)]
 
     def compared(self, value: Any) -> Any:
-        """Return the option in the first place; an answer to another version may be no order."""
+        """Return the option in the first place; an answer to another version may be no list."""
         return value[0] if isinstance(value, list) else value
 
     def columns(self, key: str) -> Mapping[str, Text]:
-        """Return a column an option; no key of another question has a point in it."""
+        """Return a column for each option; no other key has a point in it."""
         return {f"{key}.{option.value}": option.label for option in self.options}
 
     def cells(self, value: Any) -> tuple[Any, ...]:
@@ -68,18 +63,15 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
         return tuple(places.get(option.value, "") for option in self.options)
 
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return the options with a list of places each, in the order that they have so far;
-        static/js/pages/survey/ranking.js keeps them in order and lets them be dragged.
+        """Return the options in their order so far, each with a list of places;
+        static/js/pages/survey/ranking.js keeps the order and makes them draggable.
         """
         places = [str(place) for place in range(1, len(self.options) + 1)]
         given = {option: place for place, _point, option in (one.partition(".") for one in chosen)}
+        language = viewing.language
         rows = [
-            Choice(
-                option.value,
-                spoken(option.label, viewing.language),
-                number=given.get(option.value, ""),
-            )
-            for option in self.options_shown(viewing.seed)
+            Choice(one.value, spoken(one.label, language), number=given.get(one.value, ""))
+            for one in self.options_shown(viewing.seed)
         ]
         rows.sort(key=lambda row: places.index(row.number) if row.number in places else len(places))
         return Widget(

@@ -1,4 +1,4 @@
-"""A whole number between two named ends."""
+"""A whole number between two labelled ends."""
 
 import datetime
 from collections.abc import Collection, Iterator, Mapping, Sequence
@@ -14,10 +14,6 @@ from surveys.item import Item, Question, RefusedError, ScalePoint, Viewing, Whol
 
 
 class Slider(Item, frozen=True, kw_only=True, tag="slider"):
-    """A whole number between two named ends; 0 to 100 unless it says otherwise. `reverse`: scores
-    count it from the other end.
-    """
-
     plain_name: ClassVar[Any] = gettext_lazy("Slider")
     labels: ClassVar[Mapping[str, Any]] = {
         "minimum": gettext_lazy("Minimum"),
@@ -34,21 +30,19 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
     step: Annotated[int, msgspec.Meta(ge=1)] = 1
     low: Text
     high: Text
-    reverse: bool = False
+    reverse: bool = False  # scores count it from the other end
 
     def problems(self, scales: item.Scales) -> Iterator[Problem]:
         if self.minimum >= self.maximum or (self.maximum - self.minimum) % self.step:
-            yield Problem(
-                gettext_noop("The maximum must be above the minimum by a multiple of the step.")
-            )
+            words = gettext_noop("The maximum must be above the minimum by a multiple of the step.")
+            yield Problem(words)
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> int:
         number = item.parsed_number(values[0])
         if number not in self.score_values(()):
-            words = {"least": self.minimum, "greatest": self.maximum, "step": self.step}
-            raise RefusedError(
-                _("Enter a number from %(least)d to %(greatest)d in steps of %(step)d.") % words
-            )
+            bounds = {"least": self.minimum, "greatest": self.maximum, "step": self.step}
+            words = _("Enter a number from %(least)d to %(greatest)d in steps of %(step)d.")
+            raise RefusedError(words % bounds)
         return int(number)
 
     def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
@@ -58,9 +52,7 @@ class Slider(Item, frozen=True, kw_only=True, tag="slider"):
         return self.low, self.high
 
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return an input for a number between its ends; a script puts a slider beside it
-        (static/js/pages/survey/slider.js).
-        """
+        """Return an input for a number, to which static/js/pages/survey/slider.js adds a slider."""
         low, high = (spoken(end, viewing.language) for end in (self.low, self.high))
         bounds = {"min": self.minimum, "max": self.maximum, "step": self.step}
         attributes = bounds | {"inputmode": "numeric"}

@@ -1,4 +1,4 @@
-"""Free text."""
+"""Free text on one line or several."""
 
 import datetime
 from collections.abc import Mapping, Sequence
@@ -12,8 +12,6 @@ from surveys.item import Item, Question, RefusedError, Viewing, Widget
 
 
 class TextItem(Item, frozen=True, kw_only=True, tag="text"):
-    """Free text on one line or several."""
-
     plain_name: ClassVar[Any] = gettext_lazy("Free text")
     labels: ClassVar[Mapping[str, Any]] = {
         "lines": gettext_lazy("Lines"),

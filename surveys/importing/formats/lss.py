@@ -9,26 +9,20 @@ TonisOrmisson/limesurvey-structure-imex (version 630).
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping
-from types import MappingProxyType
 from typing import ClassVar
 
 from django.utils.translation import gettext as _
 
 from surveys.documents import BadDefinitionError, Text
 from surveys.importing import safe_xml
-from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, given
-from surveys.importing.limesurvey_tables import (
-    LimeSurveyGroup,
-    LimeSurveyQuestion,
-    Texts,
-    survey_of,
-)
+from surveys.importing.draft import Draft, Item, SurveyFormat, language_of
+from surveys.importing.limesurvey_tables import LimeSurveyRow, survey_of, tables_of
 from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS
 
 _NO_COUNTERPART = {"|": "file upload", "*": "equation", "I": "language switch"}
-# Answers that LimeSurvey does not write into the file, by the letter of the question.
+# Answers that are not in the file, by the type of the question.
 _WORDED = {
     "Y": {"Y": "yes", "N": "no"},
     "G": {"F": "female", "M": "male"},
@@ -39,44 +33,41 @@ _LINES = {"S": 1, "T": 5, "U": 15}
 
 
 class LimeSurveyConversion(ImportedQuestion):
-    def __init__(self, draft: Draft, note: Note, question: LimeSurveyQuestion) -> None:
-        super().__init__(draft, note, question.title, question.type)
+    def __init__(self, draft: Draft, note: Note, question: LimeSurveyRow) -> None:
+        super().__init__(draft, note, question.get("title"), question.get("type"))
         self.question = question
 
-    def texts_of(self, question: LimeSurveyQuestion, field: str = "question") -> Text:
-        """Return a text of a question or subquestion."""
-        raw = {language: row.get(field, "") for language, row in question.texts.items()}
-        return self.draft.text(raw, self.note)
+    def texts_of(self, question: LimeSurveyRow, column: str = "question") -> Text:
+        """Return a text of a question, subquestion or answer."""
+        return self.draft.text(question.text(column), self.note)
 
     def text(self) -> Text:
         return self.or_name(self.texts_of(self.question))
 
     def common(self) -> Item:
-        wish = self.question.row.get("mandatory", "N")
+        wish = self.question.get("mandatory")
         if wish == "S":
             self.note.changed(_("The file requests an answer; here it is optional."))
-        return given(required=wish == "Y", hint=self.texts_of(self.question, "help"))
+        return {"required": wish == "Y", "hint": self.texts_of(self.question, "help")}
 
     def items(self) -> list[Item]:
         if self.kind in _NO_COUNTERPART:
             raise self.not_supported(_NO_COUNTERPART[self.kind])
         return super().items()
 
-    # what a question has
-
     def _answers(self, scale_id: str = "0") -> dict[str, Text]:
         if self.kind in _WORDED:
             return {code: self.word(name) for code, name in _WORDED[self.kind].items()}
         return {
-            answer.code: self.draft.text(answer.texts, self.note)
+            answer.get("code"): self.texts_of(answer, "answer")
             for answer in self.question.answers
-            if answer.scale == scale_id
+            if answer.row.get("scale_id", "0") == scale_id
         }
 
     def _parts(self, scale_id: str = "0") -> list[tuple[str, Text]]:
         """Return code and text of each subquestion."""
         return [
-            (part.title, self.texts_of(part) or self.draft.same(part.title))
+            (part.get("title"), self.texts_of(part) or self.draft.same(part.get("title")))
             for part in self.question.parts
             if part.row.get("scale_id", "0") in {scale_id, ""}
         ]
@@ -90,12 +81,13 @@ class LimeSurveyConversion(ImportedQuestion):
 
     @property
     def _has_other(self) -> bool:
-        return self.question.row.get("other") == "Y" and self.kind not in _WORDED
+        return self.question.get("other") == "Y" and self.kind not in _WORDED
 
     def _other(self) -> dict[str, Text]:
-        """Return the label of an option with a text of its own, by its code."""
-        own = self._attribute_text("other_replace_text") if self._has_other else {}
-        return {"other": own or self.word("other")} if self._has_other else {}
+        """Return the label of the option with a text field, by its code."""
+        if not self._has_other:
+            return {}
+        return {"other": self._attribute_text("other_replace_text") or self.word("other")}
 
     def _order(self, attribute: str) -> str:
         wanted = self.question.attribute(attribute)
@@ -105,7 +97,7 @@ class LimeSurveyConversion(ImportedQuestion):
             self.note.changed(
                 _("Its order (%(order)s) is replaced by the written order."), order=wanted
             )
-        return ""
+        return "fixed"
 
     def _number(self, name: str) -> float | None:
         """Return an attribute that is a finite number; anything else is noted."""
@@ -117,8 +109,6 @@ class LimeSurveyConversion(ImportedQuestion):
         if value and not math.isfinite(number):
             self.unchecked(f"{name} = {value[:60]}")
         return number if math.isfinite(number) else None
-
-    # lists, multiple choice and rankings
 
     def single(self) -> list[Item]:
         """L, !, O, Y and G: one of the answers; O has a comment."""
@@ -144,7 +134,7 @@ class LimeSurveyConversion(ImportedQuestion):
         item = self.item(
             *("multiple", key),
             options=list(options.values()),
-            at_least=int(least) if least else None,
+            at_least=int(least or 0),
             at_most=int(most) if most else None,
             order=self._order("subquestion_order"),
         )
@@ -168,14 +158,12 @@ class LimeSurveyConversion(ImportedQuestion):
             self.draft.remember(self.name, str(n), key, n)
         return [self.item("likert", key, scale=self.numbered(range(1, 6), {}, {}))]
 
-    # arrays
-
     def array(self) -> list[Item]:
         """A, B, C, E, F, H: subquestions on one scale."""
         if self.kind in {"A", "B"}:
             numbers = range(1, 6 if self.kind == "A" else 11)
             values = {str(n): n for n in numbers}
-            return [self._grid(self.numbered(numbers, {}, {}), values)]
+            return [self._grid(self.numbered(numbers, {}, {}), values, {})]
         answers = self._answers()
         if self.kind == "H":
             self.note.changed(_("Its columns become rows."))
@@ -185,25 +173,22 @@ class LimeSurveyConversion(ImportedQuestion):
             )
             fields = {"kind": "single", "options": list(self.options(answers).values())}
             return self._by_part(fields, _("Each row becomes a separate question."))
-        name, values, reasons = self.scale({code: (code, one) for code, one in answers.items()})
-        return [self._grid(name, values, reasons)]
+        return [self._grid(*self.scale(answers))]
 
     def two_scales(self) -> list[Item]:
         """1: subquestions on two scales."""
         self.note.changed(_("Its two scales become two questions."))
         items = []
-        for scale_id, letter in (("0", "A"), ("1", "B")):
-            labels = self._answers(scale_id)
-            name, values, reasons = self.scale({code: (code, one) for code, one in labels.items()})
-            heading = self._attribute_text(f"dualscale_header{letter}")
-            items.append(self._grid(name, values, reasons, (scale_id,), heading))
+        for scale_id, header in (("0", "dualscale_headerA"), ("1", "dualscale_headerB")):
+            scale = self.scale(self._answers(scale_id))
+            items.append(self._grid(*scale, (scale_id,), self._attribute_text(header)))
         return items
 
     def _grid(
         self,
         scale: str,
         values: Mapping[str, int],
-        reasons: Mapping[str, bool] = MappingProxyType({}),
+        reasons: Mapping[str, bool],
         endings: tuple[str, ...] = (),
         heading: Text | None = None,
     ) -> Item:
@@ -227,15 +212,13 @@ class LimeSurveyConversion(ImportedQuestion):
         content: Item = {"kind": "number" if is_number else "text"}
         if is_number:
             least, most = self._number("multiflexible_min"), self._number("multiflexible_max")
-            content |= given(minimum=least, maximum=most)
+            content |= {"minimum": least, "maximum": most}
         parts = (
-            (self.key(row, column), self.draft.joined(label, column_label), content)
+            (self.key(row, column), self.draft.joined(label, heading), content)
             for row, label in self._parts()
-            for column, column_label in columns
+            for column, heading in columns
         )
         return self.apart(_("Each cell becomes a separate question."), parts)
-
-    # texts, numbers and days
 
     def free_text(self) -> list[Item]:
         """S, T, U: a text, or a number where only numbers are allowed."""
@@ -253,12 +236,12 @@ class LimeSurveyConversion(ImportedQuestion):
         suffix = self._attribute_text("suffix")
         if any(self.question.attribute_texts("prefix").values()):
             self.note.changed(_("The text before the number is not imported."))
-        return given(
-            minimum=self._number("min_num_value_n"),
-            maximum=self._number("max_num_value_n"),
-            whole=self.question.attribute("num_value_int_only") == "1",
-            unit=suffix,
-        )
+        return {
+            "minimum": self._number("min_num_value_n"),
+            "maximum": self._number("max_num_value_n"),
+            "whole": self.question.attribute("num_value_int_only") == "1",
+            "unit": suffix,
+        }
 
     def number(self) -> list[Item]:
         """N: a number."""
@@ -296,7 +279,7 @@ class LimeSurveyConversion(ImportedQuestion):
             self.note.changed(_("It asks for the date, not the time."))
         return [self.item("date", earliest=self._day("date_min"), latest=self._day("date_max"))]
 
-    def _day(self, attribute: str) -> str:
+    def _day(self, attribute: str) -> str | None:
         value = self.question.attribute(attribute).strip("\"'").lower()
         if value in {"now", "today"}:
             return "today"
@@ -304,7 +287,7 @@ class LimeSurveyConversion(ImportedQuestion):
             return value[:10]
         if value:
             self.unchecked(attribute)
-        return ""
+        return None
 
     TYPES: ClassVar[Mapping[str, Callable[["LimeSurveyConversion"], list[Item]]]] = {
         **dict.fromkeys("L!OYG", single),
@@ -331,7 +314,7 @@ _COMPARISON = re.compile(
     \s*(?:==|\beq\b)\s*(?P<answer>"[^"]*"|'[^']*'|-?\d+)""",
     re.VERBOSE,
 )
-# Attributes that change what is asked and have no counterpart, with what is said of them.
+# Attributes of questions without a counterpart, with their names for people.
 _UNSUPPORTED = {
     "array_filter": "array filter",
     "array_filter_exclude": "array filter",
@@ -341,7 +324,7 @@ _UNSUPPORTED = {
     "random_group": "random group",
     "other_comment_mandatory": "mandatory comment",
 }
-# Tables of the file that have no counterpart, with their names for people.
+# Tables without a counterpart, with their names for people.
 _TABLES = {
     "quota": "quotas",
     "assessments": "assessments",
@@ -361,8 +344,12 @@ class Lss(SurveyFormat):
         if root.tag != "document" or kind != "Survey":
             words = _("This is not a LimeSurvey survey structure (its type is “%(kind)s”).")
             raise BadDefinitionError([words % {"kind": kind[:40] or root.tag[:40]}])
-        self.survey = survey_of(root)
-        self.into = Draft("limesurvey", self.label, self.survey.languages)
+        self.tables = tables_of(root)
+        self.survey = survey_of(self.tables)
+        listed = [one.text or "" for one in root.iterfind("languages/language")]
+        named = map(language_of, [self.survey.get("language"), *listed])
+        languages = list(dict.fromkeys(filter(None, named)))
+        self.into = Draft("limesurvey", self.label, languages or ["en"])
 
     @classmethod
     def is_in(cls, document: bytes) -> bool:
@@ -370,76 +357,66 @@ class Lss(SurveyFormat):
 
     def convert(self) -> None:
         into, about = self.into, Note(_("Welcome text"))
-        title = _field(self.survey.texts, "surveyls_title")
-        into.title = into.text(title, Note(""), limit=200)
-        intro = into.joined(
-            self._text(self.survey.texts, "surveyls_description", about),
-            self._text(self.survey.texts, "surveyls_welcometext", about),
-            by="\n\n",
-        )
-        into.intro = into.shortened(intro, about)
-        into.report.notes += [about] if intro else []
-        into.source = f"LimeSurvey, {self.survey.settings.get('sid', '')}".rstrip(", ")
-        for group in self.survey.groups:
+        into.title = into.text(self.survey.text("surveyls_title"), Note(""), limit=200)
+        columns = ("surveyls_description", "surveyls_welcometext")
+        texts = [into.text(self.survey.text(column), about) for column in columns]
+        into.intro = into.shortened(into.joined(*texts, by="\n\n"), about)
+        into.report.notes += [about] if into.intro else []
+        into.source = f"LimeSurvey, {self.survey.get('sid')}".rstrip(", ")
+        for group in self.survey.parts:
             self._take_group(group)
         self._rest()
 
-    def _text(self, texts: Texts, field: str, note: Note) -> Text:
-        return self.into.text(_field(texts, field), note)
-
-    def _take_group(self, group: LimeSurveyGroup) -> None:
-        names = _field(group.texts, "group_name")
+    def _take_group(self, group: LimeSurveyRow) -> None:
+        names = group.text("group_name")
         note = Note(_("Group: %(name)s") % {"name": next(iter(names.values()), "")})
         title = self.into.text(names, note, limit=200)
-        intro = self._text(group.texts, "description", note)
-        condition = self._condition(note, group.row.get("grelevance", ""))
-        if group.row.get("randomization_group"):
-            note.changed(
-                _(
-                    "The random order of groups is not imported: groups are asked in the "
-                    "written order."
-                )
+        intro = self.into.text(group.text("description"), note)
+        condition = self._condition(note, group.get("grelevance"))
+        if group.get("randomization_group"):
+            words = _(
+                "The random order of groups is not imported: groups are asked in the written order."
             )
+            note.changed(words)
         self.into.report.notes += [note] if note.remarks else []
         self.into.page(title, intro, condition)
-        for question in group.questions:
-            if self.survey.settings.get("format") == "S":
+        for question in group.parts:
+            if self.survey.get("format") == "S":
                 self.into.page(title, None, condition)
             self._ask(question)
 
-    def _ask(self, question: LimeSurveyQuestion) -> None:
+    def _ask(self, question: LimeSurveyRow) -> None:
         texts = question.texts
         shown = texts.get(self.into.languages[0]) or next(iter(texts.values()), {})
-        note = self.into.note(question.title, shown.get("question", ""))
+        note = self.into.note(question.get("title"), shown.get("question", ""))
         with self.into.trying(note):
             if question.attribute("hidden") == "1":
                 raise NotImportedError(_("It is hidden from respondents."))
             asked = LimeSurveyConversion(self.into, note, question)
-            if question.type == "X":
+            if question.get("type") == "X":
                 self.into.introduce(note, asked.texts_of(question))
-                if self._condition(note, question.row.get("relevance", "")):
+                if self._condition(note, question.get("relevance")):
                     note.changed(_("Its condition is not imported: it is shown to everybody."))
             else:
-                condition = self._condition(note, question.row.get("relevance", ""))
+                condition = self._condition(note, question.get("relevance"))
                 self.into.ask(note, asked.items(), condition)
                 self._remark(asked)
 
     def _remark(self, asked: LimeSurveyConversion) -> None:
-        """Note what of a question is not imported."""
         note, question = asked.note, asked.question
         lost = [
             words
             for name, words in _UNSUPPORTED.items()
             if question.attribute(name) not in {"", "0", "N"}
         ]
-        for words in [*lost, "validation"] if question.row.get("preg") else lost:
+        for words in [*lost, "validation"] if question.get("preg") else lost:
             note.changed(_("Not imported: %(what)s."), what=words)
-        if any(part.row.get("relevance", "") not in {"", "1"} for part in question.parts):
+        if any(part.get("relevance") not in {"", "1"} for part in question.parts):
             note.changed(_("Conditions of single options are not imported: all are shown."))
-        has_scores = any(answer.score not in {"", "0"} for answer in question.answers)
-        if self.survey.settings.get("assessments") == "Y" and has_scores:
+        has_scores = any(one.get("assessment_value") not in {"", "0"} for one in question.answers)
+        if self.survey.get("assessments") == "Y" and has_scores:
             note.changed(_("Its scores are not imported."))
-        for text in _field(question.texts, "help").values():
+        for text in question.text("help").values():
             asked.note_reversal(text[:200])
 
     def _condition(self, note: Note, expression: str) -> Item | None:
@@ -450,18 +427,12 @@ class Lss(SurveyFormat):
     def _rest(self) -> None:
         nowhere = _("This site has no equivalent.")
         for table, words in _TABLES.items():
-            if self.survey.tables.get(table):
+            if self.tables.get(table):
                 self.into.leave_out(words, nowhere)
-        if self.survey.tables.get("defaultvalues"):
-            self.into.leave_out(
-                "default values", _("Its default answer is not imported: no answer is preselected.")
-            )
-        for field in ("surveyls_endtext", "surveyls_policy_notice"):
-            texts = _field(self.survey.texts, field).values()
+        if self.tables.get("defaultvalues"):
+            reason = _("Its default answer is not imported: no answer is preselected.")
+            self.into.leave_out("default values", reason)
+        for column in ("surveyls_endtext", "surveyls_policy_notice"):
+            texts = self.survey.text(column).values()
             if text := next((one for one in texts if one.strip()), ""):
-                self.into.leave_out(field, nowhere, text)
-
-
-def _field(texts: Texts, field: str) -> Raw:
-    """Return one column of the rows of several languages."""
-    return {language: row.get(field, "") for language, row in texts.items()}
+                self.into.leave_out(column, nowhere, text)

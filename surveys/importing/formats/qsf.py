@@ -1,8 +1,8 @@
 """Qualtrics survey files (.qsf): JSON with a list of elements.
 
-The format has no published description. Its shape was read in public files and readers: the sample
-surveys of ctesta01/QualtricsTools (16 files), the test data of fflewddur/sp (types MC, NPS, CS, RO,
-PGR, Timing, Meta, forms), and data-raw/ of sumtxt/qsf (translations, AvailableLanguages).
+The format has no published description; this follows public files and readers: the sample surveys
+of ctesta01/QualtricsTools (16 files), the test data of fflewddur/sp (types MC, NPS, CS, RO, PGR,
+Timing, Meta, forms), and data-raw/ of sumtxt/qsf (translations, AvailableLanguages).
 
 The element BL has the blocks with their questions and page breaks, FL the order of the blocks, each
 SQ a question, SO the options of the survey.
@@ -14,9 +14,10 @@ from typing import Any, ClassVar
 
 import msgspec
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
 from surveys.documents import BadDefinitionError, Text
-from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, given, language_of
+from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, language_of
 from surveys.importing.plain_text import plain
 from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
@@ -26,7 +27,7 @@ Payload = Mapping[str, Any]
 _SINGLE = frozenset({"SAVR", "SAHR", "SACOL", "DL", "SB"})
 _MULTIPLE = frozenset({"MAVR", "MAHR", "MACOL", "MSB"})
 _TEXT_LINES = {"SL": 1, "ML": 4, "ESTB": 8}
-# Rules for a text that are not checked here, as Qualtrics names them and in words.
+# Formats of a text that are not checked here, by their names in the file.
 _UNCHECKED = {
     "ValidEmail": "e-mail",
     "ValidPhone": "phone",
@@ -37,8 +38,6 @@ _UNCHECKED = {
 
 
 class QualtricsConversion(ImportedQuestion):
-    """One question of the file with its texts in all languages."""
-
     def __init__(self, draft: Draft, note: Note, payload: Payload) -> None:
         name = str(payload.get("DataExportTag") or payload.get("QuestionID") or "question")
         super().__init__(draft, note, name, str(payload.get("QuestionType") or ""))
@@ -66,36 +65,30 @@ class QualtricsConversion(ImportedQuestion):
         if "RequestResponse" in (wish, self.settings.get("ForceResponseType")) and wish != "OFF":
             self.note.changed(_("The file requests an answer; here it is optional."))
             return {}
-        return given(required=wish == "ON")
+        return {"required": wish == "ON"}
 
     def not_supported(self, kind: str) -> NotImportedError:
         parts = (kind, self.selector, self.sub_selector)
         return super().not_supported("/".join(part for part in parts if part))
-
-    # what a question has
 
     def _labels(self, part: str = "Choices", order: str = "ChoiceOrder") -> dict[str, Text]:
         """Return the labels of the choices or answers by their ids, in the order shown."""
         known = {language: by_id(one.get(part)) for language, one in self._in_languages.items()}
         own, named = by_id(self.payload.get(part)), self.payload.get(order)
         ids = [str(one) for one in named] if isinstance(named, list) else []
-        return {
-            one: self.draft.text(
-                {language: _display(choices.get(one)) for language, choices in known.items()},
-                self.note,
-            )
-            for one in dict.fromkeys([*(one for one in ids if one in own), *own])
-        }
+        found = {}
+        for one in dict.fromkeys([*(one for one in ids if one in own), *own]):
+            texts = {language: _display(choices.get(one)) for language, choices in known.items()}
+            found[one] = self.draft.text(texts, self.note)
+        return found
 
-    def _codes(self, labels: Mapping[str, Text]) -> dict[str, str]:
-        """Return what Qualtrics stores for each choice: its recode value, else its id."""
+    def _codes(self, labels: Mapping[str, Text], *, are_unique: bool = False) -> dict[str, str]:
+        """Return the recode values of choices that have one, else their ids; the ids of all where
+        recode values repeat and must be unique.
+        """
         recoded = mapping(self.payload.get("RecodeValues"))
-        return {one: str(recoded.get(one, one)) for one in labels}
-
-    def _coded(self, labels: Mapping[str, Text]) -> dict[str, str]:
-        """Return a code for each choice that no other has: the ids, where recode values repeat."""
-        codes = self._codes(labels)
-        if len(set(codes.values())) == len(codes):
+        codes = {one: str(recoded.get(one, one)) for one in labels}
+        if not are_unique or len(set(codes.values())) == len(codes):
             return codes
         self.note.changed(_("Several options share a recode value, so their ids are stored."))
         return {one: one for one in labels}
@@ -104,10 +97,10 @@ class QualtricsConversion(ImportedQuestion):
         wanted = mapping(self.payload.get("Randomization")).get("Type")
         if str(wanted) in {"Advanced", "Subset", "ScaleReversal"}:
             self.note.changed(_("Its random order with rules is replaced by a fixed order."))
-        return "shuffled" if wanted == "All" else ""
+        return "shuffled" if wanted == "All" else "fixed"
 
     def _note_choices(self) -> None:
-        """Note what of the choices themselves is not imported."""
+        """Note rules of the choices that are not imported."""
         if any(mapping(choice).get("DisplayLogic") for choice in self._choices.values()):
             self.note.changed(_("Conditions of single options are not imported: all are shown."))
         if self.payload.get("DynamicChoices"):
@@ -125,28 +118,23 @@ class QualtricsConversion(ImportedQuestion):
             else:
                 self.note.changed(_("A row without a text is not imported."))
 
-    # choices
-
     def choice(self) -> list[Item]:
-        """MC: one or several of some options, or the eleven points of a Net Promoter Score."""
+        """MC: one or several options, or the eleven points of a Net Promoter Score."""
         if self.selector == "NPS":
             return [self._net_promoter_score()]
         if self.selector not in _SINGLE | _MULTIPLE:
             raise self.not_supported(self.kind)
         self._note_choices()
         labels, several = self._labels(), self.selector in _MULTIPLE
-        codes, key = self._coded(labels), self.key()
+        codes, key = self._codes(labels, are_unique=True), self.key()
         exclusive = [one for one in labels if _is_set(self._choices[one], "ExclusiveAnswer")]
-        options = self.options(
-            {codes[one]: label for one, label in labels.items()},
-            [codes[one] for one in exclusive if several],
-        )
+        alone = [codes[one] for one in exclusive if several]
+        options = self.options({codes[one]: label for one, label in labels.items()}, alone)
         most = _whole(self.settings.get("MaxChoices"), 0)
         least = _whole(self.settings.get("MinChoices"), 0)
         bounds = {"at_least": least, "at_most": most or None} if several else {}
-        kind = "multiple" if several else "single"
-        found = list(options.values())
-        items = [self.item(kind, key, options=found, order=self._order(), **bounds)]
+        kind, listed = "multiple" if several else "single", list(options.values())
+        items = [self.item(kind, key, options=listed, order=self._order(), **bounds)]
         for one in labels:
             if option := options.get(codes[one]):
                 self.draft.remember(self.id, one, key, option["value"])
@@ -170,8 +158,6 @@ class QualtricsConversion(ImportedQuestion):
         options = self.options({codes[one]: label for one, label in labels.items()})
         return [self.item("ranking", options=list(options.values()), order=self._order())]
 
-    # matrices
-
     def matrix(self) -> list[Item]:
         """Matrix: statements on a scale, choices or texts by row."""
         if self.selector == "TE":
@@ -192,9 +178,7 @@ class QualtricsConversion(ImportedQuestion):
             return self._choices_by_row("single")
         if self.sub_selector not in {"", "SingleAnswer"}:
             self.note.changed(_("It becomes statements on a scale."))
-        codes = self._codes(answers)
-        scale = self.scale({one: (codes[one], label) for one, label in answers.items()})
-        return [self._grid(*scale)]
+        return [self._grid(*self.scale(answers, self._codes(answers)))]
 
     def _grid(self, scale: str, values: Mapping[str, int], reasons: Mapping[str, bool]) -> Item:
         key = self.key()
@@ -205,7 +189,7 @@ class QualtricsConversion(ImportedQuestion):
 
     def _choices_by_row(self, kind: str) -> list[Item]:
         answers = self._labels("Answers", "AnswerOrder")
-        codes = self._coded(answers)
+        codes = self._codes(answers, are_unique=True)
         options = self.options({codes[one]: label for one, label in answers.items()})
         fields = {"kind": kind, "options": list(options.values())}
         parts = ((key, label, fields) for key, label in self._rows())
@@ -226,18 +210,15 @@ class QualtricsConversion(ImportedQuestion):
         return self.apart(_("Each cell becomes a separate question."), parts)
 
     def _bipolar(self) -> Iterator[tuple[str, Text, Item]]:
-        """Rows with words at both ends, written "left:right"."""
+        """Yield rows with labels at both ends, written "left:right"."""
         most = len(self._labels("Answers", "AnswerOrder"))
         for key, label in self._rows():
-            ends = {
-                n: {
-                    language: words.partition(":")[part].strip()
-                    for language, words in label.items()
-                }
-                for n, part in ((1, 0), (most, 2))
-            }
-            labels = {n: end for n, end in ends.items() if all(end.values())}
-            scale = self.draft.scale((n, labels.get(n, {})) for n in range(1, most + 1))
+            parts = {language: words.partition(":") for language, words in label.items()}
+            ends = {}
+            for n, part in ((1, 0), (most, 2)):
+                end = {language: words[part].strip() for language, words in parts.items()}
+                ends[n] = end if all(end.values()) else {}
+            scale = self.draft.scale((n, ends.get(n, {})) for n in range(1, most + 1))
             yield key, label, {"kind": "likert", "scale": scale}
 
     def columns(self) -> list[Item]:
@@ -254,8 +235,6 @@ class QualtricsConversion(ImportedQuestion):
             items += [item | {"text": self.draft.joined(text, item["text"])} for item in made]
         return items
 
-    # texts and sliders
-
     def text_entry(self) -> list[Item]:
         """TE: a text, a number or a date on one line or several, or a form of several lines."""
         if self.selector == "PW":
@@ -266,9 +245,8 @@ class QualtricsConversion(ImportedQuestion):
             return self.apart(_("Each line of the form becomes a separate question."), parts)
         if self.selector not in _TEXT_LINES:
             raise self.not_supported(self.kind)
-        wanted = (
-            self.settings.get("ContentType") if self.settings.get("Type") == "ContentType" else ""
-        )
+        has_format = self.settings.get("Type") == "ContentType"
+        wanted = self.settings.get("ContentType") if has_format else ""
         if wanted == "ValidNumber":
             rules = mapping(self.settings.get("ValidNumber"))
             least, most = _bound(rules.get("Min")), _bound(rules.get("Max"))
@@ -277,8 +255,8 @@ class QualtricsConversion(ImportedQuestion):
         if wanted == "ValidDate":
             return [self.item("date")]
         if wanted:
-            rule = {"rule": _UNCHECKED.get(str(wanted), wanted)}
-            self.note.changed(_("Its format (%(rule)s) is not checked.") % rule)
+            rule = _UNCHECKED.get(str(wanted), wanted)
+            self.note.changed(_("Its format (%(rule)s) is not checked."), rule=rule)
         lines = _TEXT_LINES[self.selector]
         limit = self.settings.get("MaxChars") or self.settings.get("TotalChars")
         length = self.length(_whole(limit, 0), is_line=lines == 1)
@@ -300,7 +278,7 @@ class QualtricsConversion(ImportedQuestion):
             self.note.changed(_("Labels between the two ends are not imported."))
         low, high = (ends[0], ends[-1]) if len(ends) > 1 else ({}, {})
         lacks = str(self.configuration.get("NotApplicable")).lower() == "true"
-        fields = self.slider(least, most, low, high, step) | given(not_applicable=lacks)
+        fields = self.slider(least, most, low, high, step) | {"not_applicable": lacks}
         rows = [(self.key(one), label, fields) for one, label in self._labels().items()]
         remark = _("Each slider becomes a separate question.") if len(rows) > 1 else ""
         return self.apart(remark, rows or [(self.key(), {}, fields)])
@@ -358,9 +336,16 @@ def _is_set(choice: Any, name: str) -> bool:
 
 _CHOICE = re.compile(r"^q://(?P<question>[^/]+)/Selectable(?:Choice|Answer)/(?P<choice>[^/]+)$")
 _IN_ORDER = frozenset({"Block", "Standard"})
-# Elements that ask nothing and change nothing of what is asked.
+# Elements without questions and rules.
 _QUIET = frozenset({"BL", "FL", "SQ", "SO", "SCO", "STAT", "QC", "RS", "NT", "PL", "PROJ", "BR"})
 _QUIET_FLOW = frozenset({"Root", "Block", "Standard", "Group", "EndSurvey"})
+_LOST_FLOW = {
+    "Branch": gettext_lazy("Branches are not imported: all blocks are asked."),
+    "BlockRandomizer": gettext_lazy(
+        "The random order of blocks is not imported: blocks are asked in the written order."
+    ),
+    "EmbeddedData": gettext_lazy("Embedded data is not imported: a study records its own data."),
+}
 MAX_DEPTH = 30  # of the survey flow
 
 
@@ -373,8 +358,8 @@ class Qsf(SurveyFormat):
         try:
             survey = mapping(msgspec.json.decode(document.removeprefix(b"\xef\xbb\xbf")))
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            told = _("This is not valid JSON: %(problem)s.") % {"problem": error}
-            raise BadDefinitionError([told]) from error
+            words = _("This is not valid JSON: %(problem)s.") % {"problem": error}
+            raise BadDefinitionError([words]) from error
         elements = survey.get("SurveyElements")
         if not isinstance(elements, list) or not all(isinstance(one, dict) for one in elements):
             raise BadDefinitionError([_("The file has no list of SurveyElements.")])
@@ -385,9 +370,11 @@ class Qsf(SurveyFormat):
             for element in elements
             if element.get("Element") == "SQ" and (payload := mapping(element.get("Payload")))
         }
+        # The first payload of each kind of element.
+        self.payloads = {str(one.get("Element")): one.get("Payload") for one in elements[::-1]}
         self.blocks = {
             str(block.get("ID") or n): block
-            for n, block in by_id(self._payload("BL")).items()
+            for n, block in by_id(self.payloads.get("BL")).items()
             if isinstance(block, dict)
         }
         self.into = Draft("qualtrics", self.label, self._languages())
@@ -415,10 +402,6 @@ class Qsf(SurveyFormat):
                 self.into.leave_out(name, _("The file has no question with this name."))
         self._rest()
 
-    def _payload(self, element: str) -> Any:
-        found = (one.get("Payload") for one in self.elements if one.get("Element") == element)
-        return next(found, None)
-
     def _languages(self) -> list[str]:
         first = language_of(str(self.entry.get("SurveyLanguage") or "EN")) or "en"
         found = [
@@ -429,40 +412,28 @@ class Qsf(SurveyFormat):
         ]
         return [language for language in dict.fromkeys([first, *found]) if language]
 
-    # the order of the blocks
-
-    def _blocks_in_order(self) -> Iterator[dict[str, Any]]:
-        flow = mapping(self._payload("FL")).get("Flow")
+    def _blocks_in_order(self) -> list[dict[str, Any]]:
+        flow = mapping(self.payloads.get("FL")).get("Flow")
         order = list(self._flow(flow)) if isinstance(flow, list) else list(self.blocks)
-        for one in dict.fromkeys(order):
-            block = self.blocks.get(one)
-            if block is not None and block.get("Type") != "Trash":
-                yield block
+        return [
+            self.blocks[one]
+            for one in dict.fromkeys(order)
+            if one in self.blocks and self.blocks[one].get("Type") != "Trash"
+        ]
 
     def _flow(self, flow: list[Any], depth: int = 0) -> Iterator[str]:
-        """Yield the ids of the blocks in the order of the flow, and report what else it has."""
+        """Yield the ids of the blocks in the order of the flow, and report its other parts."""
         for part in map(mapping, flow if depth <= MAX_DEPTH else ()):
             kind = str(part.get("Type"))
             if kind in _IN_ORDER:
                 yield str(part.get("ID"))
             elif kind not in _QUIET_FLOW:
-                self._leave_out_flow(kind, part)
+                name = _("Survey flow: %(name)s") % {"name": part.get("Description") or kind}
+                reason = _LOST_FLOW.get(kind, _("This site has no equivalent."))
+                self.into.leave_out(name, str(reason))
             inner = part.get("Flow")
             if isinstance(inner, list):
                 yield from self._flow(inner, depth + 1)
-
-    def _leave_out_flow(self, kind: str, part: Payload) -> None:
-        reasons = {
-            "Branch": _("Branches are not imported: all blocks are asked."),
-            "BlockRandomizer": _(
-                "The random order of blocks is not imported: blocks are asked in the written order."
-            ),
-            "EmbeddedData": _("Embedded data is not imported: a study records its own data."),
-        }
-        name = _("Survey flow: %(name)s") % {"name": part.get("Description") or kind}
-        self.into.leave_out(name, reasons.get(kind, _("This site has no equivalent.")))
-
-    # questions
 
     def _take(self, block: dict[str, Any]) -> Iterator[str]:
         """Ask the questions of a block, and yield their ids."""
@@ -499,18 +470,15 @@ class Qsf(SurveyFormat):
             self._remark(asked, has_skip=has_skip)
 
     def _remark(self, asked: QualtricsConversion, *, has_skip: bool) -> None:
-        """Note what of a question is not imported."""
         payload, settings = asked.payload, asked.settings
         has_rules = settings.get("CustomValidation") or settings.get("Type") == "CustomValidation"
+        default = _("Its default answer is not imported: no answer is preselected.")
         for lost, remark in (
             (has_skip, _("Its skip logic is not imported: nothing is skipped.")),
             (payload.get("QuestionJS"), _("Its JavaScript is not imported.")),
             (has_rules, _("Its own validation rules are not imported.")),
             (payload.get("GradingData"), _("Its scores are not imported.")),
-            (
-                payload.get("DefaultChoices"),
-                _("Its default answer is not imported: no answer is preselected."),
-            ),
+            (payload.get("DefaultChoices"), default),
         ):
             if lost:
                 asked.note.changed(remark)
@@ -522,19 +490,17 @@ class Qsf(SurveyFormat):
             if str(element.get("Element")) not in _QUIET:
                 name = f"{element.get('Element')}: {element.get('PrimaryAttribute')}"
                 self.into.leave_out(name, nowhere)
-        options = mapping(self._payload("SO"))
+        options = mapping(self.payloads.get("SO"))
         for name in ("Header", "Footer", "EOSMessage"):
             if options.get(name):
                 self.into.leave_out(name, nowhere, str(options[name]))
-        if mapping(self._payload("SCO")).get("ScoringCategories"):
-            self.into.leave_out(
-                _("Scoring"), _("Choose the scoring yourself, in the questionnaire.")
-            )
+        if mapping(self.payloads.get("SCO")).get("ScoringCategories"):
+            reason = _("Choose the scoring yourself, in the questionnaire.")
+            self.into.leave_out(_("Scoring"), reason)
         translated = set(map(language_of, mapping(options.get("AvailableLanguages"))))
+        reason = _("The file has no translated question in this language.")
         for language in sorted(translated - {"", *self.into.languages}):
-            self.into.leave_out(
-                language, _("The file has no translated question in this language.")
-            )
+            self.into.leave_out(language, reason)
 
 
 def _name(payload: Payload) -> str:
@@ -542,8 +508,8 @@ def _name(payload: Payload) -> str:
 
 
 def _selected(logic: Mapping[str, Any]) -> Iterator[tuple[str, str] | None]:
-    """Yield the question and choice of each part of a logic that only joins selected choices by
-    "or"; None for any other part.
+    """Yield question and choice for each part of a logic that joins selected choices by "or"; None
+    for any other part.
     """
     groups = [group for name, group in logic.items() if name.isdigit()]
     parts = (one for group in groups for one in mapping(group).items())

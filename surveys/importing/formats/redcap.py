@@ -1,15 +1,15 @@
 """REDCap data dictionaries: a CSV file with a row for each field.
 
-The eighteen columns are those that REDCap documents on its data dictionary page. Read against the
-dictionaries in vubiostat/redcapAPI (every field type and validation) and ReproNim/reproschema-py (a
-sample of the HBCD study: matrices, action tags, branching); the names of the columns in an export
-over the API are understood, too, as in IUREDCap/redcap-etl.
+The columns are those of REDCap's data dictionary page, or of an export over the API, as in
+IUREDCap/redcap-etl. Checked with the dictionaries in vubiostat/redcapAPI (every field type and
+validation) and ReproNim/reproschema-py (a sample of the HBCD study: matrices, action tags,
+branching).
 """
 
 import csv
 import io
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import groupby
 from typing import Any, ClassVar
 
@@ -17,14 +17,14 @@ from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
 from surveys.documents import BadDefinitionError, Text
-from surveys.importing.draft import Draft, Item, SurveyFormat, given, language_of
+from surveys.importing.draft import Draft, Item, SurveyFormat, language_of
 from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
 from surveys.problems import MAX_POINTS, MIN_POINTS
 
 Row = Mapping[str, str]
 _TAG = re.compile(r"@[A-Z][A-Z-]*(?:\s*=\s*(?:\"[^\"]*\"|'[^']*'|[^\s@]+))?")
-# Tags that are taken over, or change nothing of what is asked here.
+# Tags that are imported, or have no effect on questions here.
 _KNOWN_TAGS = frozenset(
     {
         *("@NONEOFTHEABOVE", "@MAXCHECKED", "@CHARLIMIT", "@WORDLIMIT", "@RANDOMORDER"),
@@ -40,8 +40,6 @@ _REASONS = {
 
 
 class RedcapField(ImportedQuestion):
-    """One row of the dictionary."""
-
     def __init__(self, draft: Draft, note: Note, row: Row) -> None:
         super().__init__(draft, note, row["name"], row["type"])
         self.row = row
@@ -49,16 +47,16 @@ class RedcapField(ImportedQuestion):
         self.tags = {tag.strip(): value.strip().strip("'\"") for tag, _sign, value in found}
 
     def text_of(self, text: str) -> Text:
-        """Return a text of the file, which has one language."""
         return self.draft.text({self.draft.languages[0]: text}, self.note)
 
     def text(self) -> Text:
         return self.or_name(self.text_of(self.row["label"]))
 
     def common(self) -> Item:
-        return given(required=self._says("required"), hint=self.text_of(self.row["field_note"]))
+        hint = self.text_of(self.row["field_note"])
+        return {"required": self._is_set("required"), "hint": hint}
 
-    def _says(self, column: str) -> bool:
+    def _is_set(self, column: str) -> bool:
         return self.row[column].strip().lower() in _YES
 
     def items(self) -> list[Item]:
@@ -69,33 +67,24 @@ class RedcapField(ImportedQuestion):
         return items
 
     def refuse_hidden(self) -> None:
-        """Refuse a field that respondents do not see, or that REDCap fills in.
-
-        Raises:
-            NotImportedError: it is one.
-        """
+        """Raise NotImportedError for a field that respondents do not see, or that is calculated."""
         if self.tags.keys() & {"@HIDDEN", "@HIDDEN-SURVEY"}:
             raise NotImportedError(_("It is hidden from respondents."))
         if self.tags.keys() & {"@CALCTEXT", "@CALCDATE"}:
             raise NotImportedError(str(_REASONS["calc"]))
 
     def _remark(self) -> None:
-        """Note what of a field is not taken over."""
         if unknown := sorted(self.tags.keys() - _KNOWN_TAGS):
             self.note.changed(_("Not imported: %(what)s."), what=", ".join(unknown))
         words = _TAG.sub("", self.row["annotation"]).strip()
         self.note_reversal(words)
         if words and not any(words in remark for remark in self.note.remarks):
             self.note.changed(_("Its annotation is not imported: %(text)s"), text=words[:200])
-        if self._says("identifier"):
-            self.note.changed(
-                _(
-                    "The file marks its answers as identifying people. Be careful when you export "
-                    "them."
-                )
+        if self._is_set("identifier"):
+            words = _(
+                "The file marks its answers as identifying people. Be careful when you export them."
             )
-
-    # types
+            self.note.changed(words)
 
     def free_text(self) -> list[Item]:
         """text: a text, a number or a day, by its validation."""
@@ -125,14 +114,15 @@ class RedcapField(ImportedQuestion):
             self.unchecked(f"{column} {value[:60]}")
         return None
 
-    def _day(self, column: str) -> str:
+    def _day(self, column: str) -> str | None:
         value = self.row[column].strip().lower()
         if value in {"today", "now"}:
             return "today"
-        if value and not re.fullmatch(r"\d{4}-\d{2}-\d{2}", value):
+        if re.fullmatch(r"\d{4}-\d{2}-\d{2}", value):
+            return value
+        if value:
             self.unchecked(f"{column} {value}")
-            return ""
-        return value
+        return None
 
     def _labels(self) -> dict[str, Text]:
         if self.kind in {"yesno", "truefalse"}:
@@ -141,7 +131,7 @@ class RedcapField(ImportedQuestion):
         return {code: self.text_of(label) for code, label in choices_of(self.row["choices"])}
 
     def _order(self) -> str:
-        return "shuffled" if "@RANDOMORDER" in self.tags else ""
+        return "shuffled" if "@RANDOMORDER" in self.tags else "fixed"
 
     def one_choice(self) -> list[Item]:
         """radio, dropdown, yesno, truefalse: one of its choices."""
@@ -181,20 +171,15 @@ class RedcapField(ImportedQuestion):
         "slider": sliders,
     }
 
-    # matrices
-
     def grid(self, fields: Sequence["RedcapField"], heading: Text) -> Item:
-        """Return the grid of the fields of one matrix of radio buttons, of which this is the
-        first.
-        """
-        labels = self._labels()
-        name, values, reasons = self.scale({code: (code, one) for code, one in labels.items()})
+        """Return the grid of a matrix of radio buttons, of which this is the first field."""
+        name, values, reasons = self.scale(self._labels())
         required = [bool(field.common().get("required")) for field in fields]
         if any(required) and not all(required):
             self.note.changed(
                 _("The file requires an answer in some rows only; here all rows are optional.")
             )
-        if any(field._says("ranking") for field in fields):  # noqa: SLF001 - another of this class
+        if any(field._is_set("ranking") for field in fields):  # noqa: SLF001 - another of this class
             self.note.changed(_("Respondents can choose a column in several rows."))
         rows = []
         for field in fields:
@@ -205,11 +190,11 @@ class RedcapField(ImportedQuestion):
             field._remark()  # noqa: SLF001 - another of this class
         own = {"key": self.draft.key(self.row["matrix"], self.note), "kind": "grid", "rows": rows}
         text = heading or self.draft.same(self.row["matrix"])
-        return {**own, "text": text, "scale": name, **given(required=all(required)), **reasons}
+        return {**own, "text": text, "scale": name, "required": all(required), **reasons}
 
 
 def choices_of(text: str) -> list[tuple[str, str]]:
-    """Return codes and labels of `1, Yes | 2, No`; older dictionaries write a choice a line."""
+    """Return codes and labels of `1, Yes | 2, No`; older dictionaries have a choice a line."""
     parts = text.split("|") if "|" in text else text.splitlines()
     pairs = [part.partition(",") for part in parts if part.strip()]
     return [(code.strip(), (label if comma else code).strip()) for code, comma, label in pairs]
@@ -262,8 +247,8 @@ class Redcap(SurveyFormat):
         forms = list(dict.fromkeys(row["form"] for row in rows))
         if form and form not in forms:
             words = _("The file has no form “%(form)s”; it has %(forms)s.")
-            there = {"form": form, "forms": ", ".join(forms)[:1000]}
-            raise BadDefinitionError([words % there])
+            values = {"form": form, "forms": ", ".join(forms)[:1000]}
+            raise BadDefinitionError([words % values])
         self.rows = [row for row in rows if form in {"", row["form"]}]
         self.others = [one for one in forms if form not in {"", one}]
         self.form = form or (forms[0] if len(forms) == 1 else "")
@@ -282,29 +267,30 @@ class Redcap(SurveyFormat):
         self.into.source = f"REDCap, {self.form}" if self.form else "REDCap"
         for form, rows in groupby(self.rows, key=lambda row: row["form"]):
             self.into.page(self.into.same(_title(form)) if form and not self.form else {})
-            self._take_form(rows)
+            for matrix, run in groupby(rows, key=_matrix_of):
+                if matrix is not None:
+                    self._grid(list(run))
+                else:
+                    for row in run:
+                        self._field(row)
         for form in self.others:
             self.into.leave_out(form, _("It belongs to a form that you did not choose."))
-
-    def _take_form(self, rows: Iterable[Row]) -> None:
-        for matrix, run in groupby(rows, key=_matrix_of):
-            if matrix is not None:
-                self._grid(list(run))
-            else:
-                for row in run:
-                    self._field(row)
 
     def _field(self, row: Row) -> None:
         note = self.into.note(row["name"], row["label"])
         if row is self.first:
-            note.left_out(
-                _("The first field identifies the record. Here, each respondent has a key instead.")
+            words = _(
+                "The first field identifies the record. Here, each respondent has a key instead."
             )
+            note.left_out(words)
             return
         with self.into.trying(note):
             field = RedcapField(self.into, note, row)
             field.refuse_hidden()
-            self._section(row)
+            if row["header"].strip():
+                heading = self._heading(row)
+                is_short = all(len(one) <= 120 and "\n" not in one for one in heading.values())
+                self.into.page(heading if is_short else {}, {} if is_short else heading)
             if row["type"] == "descriptive":
                 self.into.introduce(note, field.text_of(row["label"]))
                 if row["branching"].strip():
@@ -312,13 +298,6 @@ class Redcap(SurveyFormat):
             else:
                 condition = self._condition(note, row)
                 self.into.ask(note, field.items(), condition)
-
-    def _section(self, row: Row) -> None:
-        """Begin a page with the section's heading."""
-        if row["header"].strip():
-            heading = self._heading(row)
-            is_short = all(len(text) <= 120 and "\n" not in text for text in heading.values())
-            self.into.page(heading if is_short else {}, {} if is_short else heading)
 
     def _heading(self, row: Row) -> Text:
         note = Note(row["name"])
@@ -352,10 +331,8 @@ class Redcap(SurveyFormat):
 
 
 def rows_of(document: bytes) -> Iterator[Row]:
-    """Yield the fields of a dictionary with all COLUMNS, in order.
-
-    Raises:
-        BadDefinitionError: it is no CSV, or lacks columns.
+    """Yield the fields of a dictionary with all COLUMNS; raises BadDefinitionError when the file is
+    no CSV or lacks columns.
     """
     try:
         text = document.decode("utf-8-sig")
@@ -368,8 +345,8 @@ def rows_of(document: bytes) -> Iterator[Row]:
     try:
         table = list(csv.reader(io.StringIO(text, newline=""), delimiter=delimiter))
     except csv.Error as error:
-        told = _("This is not a valid CSV file: %(problem)s.") % {"problem": error}
-        raise BadDefinitionError([told]) from error
+        words = _("This is not a valid CSV file: %(problem)s.") % {"problem": error}
+        raise BadDefinitionError([words]) from error
     headings = [one.strip().strip('"').lower() for one in table[0]]
     places = {
         column: headings.index(name)
@@ -379,8 +356,8 @@ def rows_of(document: bytes) -> Iterator[Row]:
     }
     lacking = [COLUMNS[one][0] for one in ("name", "type", "label") if one not in places]
     if lacking:
-        told = _("The file has no column %(names)s.") % {"names": ", ".join(lacking)}
-        raise BadDefinitionError([told])
+        words = _("The file has no column %(names)s.") % {"names": ", ".join(lacking)}
+        raise BadDefinitionError([words])
     for cells in table[1:]:
         own = {column: cells[place] for column, place in places.items() if place < len(cells)}
         row = dict.fromkeys(COLUMNS, "") | own
@@ -390,15 +367,14 @@ def rows_of(document: bytes) -> Iterator[Row]:
 
 
 def _matrix_of(row: Row) -> tuple[Any, ...] | None:
-    """Return what fields of one grid have in common; None for a field by itself. A matrix with more
-    columns than a scale has points is asked field by field.
+    """Return a key of the grid that a field belongs to; None for a field by itself, as those of a
+    matrix with more columns than a scale has points.
     """
-    choices = choices_of(row["choices"])
-    is_hidden = "@HIDDEN" in row["annotation"]
-    if not row["matrix"] or row["type"] != "radio" or is_hidden:
+    if not row["matrix"] or row["type"] != "radio" or "@HIDDEN" in row["annotation"]:
         return None
+    choices = tuple(choices_of(row["choices"]))
     is_scale = MIN_POINTS <= len(choices) <= MAX_POINTS
-    return (row["matrix"], row["branching"], tuple(choices)) if is_scale else None
+    return (row["matrix"], row["branching"], choices) if is_scale else None
 
 
 def _title(form: str) -> str:

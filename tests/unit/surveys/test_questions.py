@@ -6,7 +6,6 @@ import pytest
 
 from surveys.documents import BadDefinitionError
 from surveys.item import Item, Viewing
-from surveys.page_form import Control
 from surveys.questions import TYPES
 from tests.support.media.sources import python_files, text_of
 from tests.support.paths import ROOT
@@ -35,7 +34,6 @@ def test_a_type_can_be_asked_answered_and_exported(name):
     assert (TEMPLATES / widget.template).is_file()
     columns = question.item.columns("q")
     assert len(question.item.cells(None)) == len(columns)
-    assert Control("q", name, "", widget).choices == widget.choices
     assert question.item.parse != Item.parse
 
 
@@ -49,7 +47,7 @@ def imported(path):
             yield from (alias.name for alias in node.names)
 
 
-def test_nothing_outside_its_file_knows_a_type():
+def test_a_question_type_is_named_only_in_its_own_file():
     for app in ("surveys", "experiments", "telepresence_site"):
         for path in python_files(app):
             known = [name for name in imported(path) if name.startswith("surveys.questions.")]

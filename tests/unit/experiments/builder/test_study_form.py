@@ -52,7 +52,7 @@ def sent(form: StudyPartForm, **changes: str) -> QueryDict:
 
 
 def errors(cls: type, document: dict) -> dict[str, str]:
-    return StudyPartForm(cls, document, is_sent=True).told
+    return StudyPartForm(cls, document, is_sent=True).refusals
 
 
 def choices(form: StudyPartForm, name: str) -> list[str]:

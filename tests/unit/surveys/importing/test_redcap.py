@@ -8,24 +8,9 @@ from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import field, redcap
+from tests.support.studies.survey_files import field, items, outcomes, redcap, remarks
 
 YES_NO_MAYBE = "1, Yes | 2, No | 3, Perhaps, or not"
-
-
-def items(document: bytes) -> list[dict]:
-    pages = json.loads(to_json(read(document).definition("test", 1)))["pages"]
-    return [item for page in pages for item in page["items"]]
-
-
-def remarks(document: bytes, name: str) -> str:
-    draft = read(document)
-    (note,) = [one for one in draft.report.notes if one.name == name]
-    return " ".join(note.remarks)
-
-
-def outcomes(document: bytes) -> dict[str, ImportOutcome]:
-    return {note.name: note.outcome for note in read(document).report.notes}
 
 
 def test_every_field_type_that_has_a_counterpart():
@@ -71,7 +56,7 @@ def test_the_field_that_names_the_record_is_listed_and_not_asked():
 
 
 @pytest.mark.parametrize(
-    ("row", "told"),
+    ("row", "message"),
     [
         (field("a", "calc", choices="[x] + 1"), "Calculated"),
         (field("a", "file"), "Files"),
@@ -82,10 +67,10 @@ def test_the_field_that_names_the_record_is_listed_and_not_asked():
         (field("a", "other"), "type other"),
     ],
 )
-def test_what_has_no_counterpart_is_listed_with_a_reason(row, told):
+def test_fields_without_counterpart_are_listed_with_a_reason(row, message):
     document = redcap(row, field("b", "text"))
     assert outcomes(document)["a"] is ImportOutcome.LEFT_OUT
-    assert told in remarks(document, "a")
+    assert message in remarks(document, "a")
 
 
 def test_required_notes_and_order():
@@ -115,9 +100,10 @@ def test_tags_words_and_marks_that_are_not_imported_are_reported():
             annotation="@READONLY @DEFAULT='x' item is reverse scored",
         )
     )
-    told = remarks(document, "a")
+    found = remarks(document, "a")
     assert all(
-        words in told for words in ("email", "@DEFAULT, @READONLY", "reverse-scored", "identifying")
+        words in found
+        for words in ("email", "@DEFAULT, @READONLY", "reverse-scored", "identifying")
     )
 
 
@@ -230,7 +216,7 @@ def test_lines_without_a_name_are_passed_over():
     assert list(outcomes(document)) == ["record_id", "a", "b"]
 
 
-def test_sections_that_together_are_longer_than_a_text_may_be_are_refused_with_their_page():
+def test_sections_too_long_together_are_refused_with_their_page():
     document = redcap(
         field("a", "file", header="x" * 3000),
         field("b", "text", header="y" * 3000),
@@ -260,22 +246,22 @@ def test_a_cell_without_an_end_is_refused():
         read(document)
 
 
-# --- what is said, and odd files ------------------------------------------------------------------
+# --- remarks, and odd files -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("row", "told"),
+    ("row", "message"),
     [
         (field("a", "text", rule="number", least="[b] + 1"), "min [b] + 1"),
         (field("a", "text", rule="number", most="9" * 400), "max 9999"),
         (field("a", "text", rule="date_ymd", most="[b]"), "max [b]"),
     ],
 )
-def test_a_bound_that_cannot_be_checked_is_reported_and_the_field_is_asked_without_it(row, told):
+def test_a_bound_that_cannot_be_checked_is_reported_and_left_out(row, message):
     document = redcap(row)
     (item,) = items(document)
     assert not item.keys() & {"minimum", "maximum", "earliest", "latest"}
-    assert told in remarks(document, "a")
+    assert message in remarks(document, "a")
 
 
 def test_a_matrix_of_several_fields_that_is_refused_is_left_out_as_a_whole():
@@ -296,9 +282,9 @@ def test_a_matrix_with_some_required_rows_or_a_ranking_says_what_is_different():
     )
     (grid,) = items(document)
     assert "required" not in grid
-    said = remarks(document, "a")
-    assert "all rows are optional" in said
-    assert "a column in several rows" in said
+    found = remarks(document, "a")
+    assert "all rows are optional" in found
+    assert "a column in several rows" in found
 
 
 def test_a_picture_that_a_section_loses_is_reported():
@@ -307,7 +293,7 @@ def test_a_picture_that_a_section_loses_is_reported():
     assert "img" in remarks(document, "Section: a")
 
 
-def test_a_descriptive_text_with_a_condition_is_shown_to_everybody_and_that_is_said():
+def test_the_condition_of_a_descriptive_text_is_reported():
     document = redcap(
         field("a", "radio", choices=YES_NO_MAYBE),
         field("b", "descriptive", branching="[a] = '1'"),

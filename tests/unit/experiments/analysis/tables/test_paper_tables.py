@@ -124,7 +124,6 @@ def table_5_of_scores(scores, interval):
         half_width(sd, n, 0.95, interval),
         half_width(sd, n, 0.99, interval),
         None,
-        None,
     )
 
 
