@@ -57,7 +57,7 @@ SCORE = {
 SEPARATED = "no estimate: the effects separate the outcomes completely"
 NEVER = "the time came in no drive"
 FIELDS = ("value", "weight")
-LARGEST = 12.0  # of a coefficient: beyond it, the data separate and have no estimate
+LARGEST = 12.0  # of a coefficient, or its error in Cox's regression: beyond it, the data separate
 
 
 @dataclass(frozen=True)
@@ -161,9 +161,7 @@ def _scores_of_times(times: Floats, came: Floats, columns: Floats, places: Seque
     if others:
         at_null[others] = PHReg(times, columns[:, others], status=came).fit(disp=0).params
     model = PHReg(times, columns, status=came)
-    own = list(places)
-    # a drive that ended before anybody's time came was never at risk: NaN
-    scores = np.nan_to_num(np.asarray(model.score_residuals(at_null)))
+    own, scores = list(places), _residuals(model, at_null)
     if not others:
         return np.asarray(scores[:, own])
     information = model.hessian(at_null)
@@ -173,6 +171,19 @@ def _scores_of_times(times: Floats, came: Floats, columns: Floats, places: Seque
     return np.asarray(scores[:, own] - scores[:, others] @ explained)
 
 
+def _residuals(model: Any, estimates: Floats) -> Floats:
+    """Return the score residuals of drives, (n, k); one that ended before anybody's time came was
+    never at risk, and has 0 where statsmodels has NaN.
+    """
+    return np.nan_to_num(np.asarray(model.score_residuals(estimates)))
+
+
+def _by_participant(scores: Floats, groups: Any, people: int) -> Floats:
+    summed = np.zeros((people, scores.shape[1]))
+    np.add.at(summed, groups, scores)
+    return summed
+
+
 def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[float, float]]:
     """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom.
 
@@ -180,8 +191,7 @@ def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[f
         CannotFitError: they do not vary.
     """
     size = scores.shape[1]
-    summed = np.zeros((people, size))
-    np.add.at(summed, groups, scores)
+    summed = _by_participant(scores, groups, people)
     summed[np.abs(summed) <= ROUNDING * np.abs(scores).max()] = 0.0
     covariance, mean = np.atleast_2d(np.cov(summed, rowvar=False)), summed.mean(axis=0)
     is_known = people > size + 1 and np.isfinite(covariance).all()
@@ -233,11 +243,17 @@ def _cox(
     from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
 
     people, k = int(groups.max()) + 1, columns.shape[1]
+    model = PHReg(times, columns[:, 1:], status=came)
     with _separation():
-        found = PHReg(times, columns[:, 1:], status=came).fit(groups=groups, disp=0)
+        estimates = np.asarray(model.fit(disp=0).params)
+        inverse = np.linalg.inv(model.hessian(estimates))
+    if not -inverse.diagonal().min() <= LARGEST**2:  # several may share what runs to infinity
+        raise CannotFitError(SEPARATED)
+    # statsmodels has no covariance by groups where a drive was never at risk
+    summed = _by_participant(_residuals(model, estimates), groups, people)
     covariance = np.zeros((k, k))
-    covariance[1:, 1:] = np.asarray(found.cov_params()) * people / (people - 1.0)
-    return np.concatenate(([0.0], -np.asarray(found.params))), covariance
+    covariance[1:, 1:] = inverse @ summed.T @ summed @ inverse * people / (people - 1.0)
+    return np.concatenate(([0.0], -estimates)), covariance
 
 
 # --- comparisons ----------------------------------------------------------------------------------
