@@ -67,7 +67,7 @@ from experiments.analysis.tables.summaries import (
     verdicts_table,
 )
 from experiments.analysis.tables.table import SessionSets, Table, as_csv
-from experiments.dataset.counting import counting
+from experiments.dataset.counting import attempted, counting
 from experiments.dataset.levels import Kind
 from experiments.dataset.records import COUNTING, EVERY, Dataset, SessionRecord
 from experiments.definition.plan import StudyPlan
@@ -109,8 +109,8 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
         yield report(planned, measured, dataset)
         return
     effects = exclusion_effects(
-        declared(planned, _measured(planned.sessions, measured)),
-        declared(every, _measured(every.sessions, measured)),
+        declared(planned, _measured(attempted(planned), measured)),
+        declared(every, _measured(attempted(every), measured)),
         alpha_of(dataset.study),
     )
     yield report(planned, measured, dataset, effects)
@@ -140,9 +140,10 @@ def report(
     """
     measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
     verdicts = {one.session.id: judge(one, dataset.study.quality) for one in (*measured, *others)}
-    study, tested = dataset.study, declared(dataset, measured)
+    attempts = _measured(attempted(dataset), numbers)
+    study, tested = dataset.study, declared(dataset, attempts)
     decisions = [] if dataset.is_with_excluded else decisions_of(study, tested)
-    tables = [*_tables(dataset, measured, others, verdicts), *tested]
+    tables = [*_tables(dataset, measured, others, attempts, verdicts), *tested]
     if not dataset.is_with_excluded:
         sheet = reporting_sheet(dataset, measured, whole.participants)
         found = hypotheses_table(study, decisions)
@@ -179,6 +180,7 @@ def _tables(
     dataset: Dataset,
     measured: Sequence[Measured],
     others: Sequence[Measured],
+    attempts: Sequence[Measured],
     verdicts: Mapping[str, QualityVerdict],
 ) -> Iterator[Table]:
     conditions = [one.key for one in dataset.study.conditions]
@@ -189,7 +191,7 @@ def _tables(
     yield from (funnel(dataset, all_drives), metrics_table(measured), segment_spreads(measured))
     yield from (sessions_table(all_drives, verdicts), segments_table(measured))
     yield from (verdicts_table(measured, verdicts, others), fault_sides(dataset))
-    yield from (outcomes_by_condition(dataset, measured), compare_conditions(dataset, measured))
+    yield from (outcomes_by_condition(dataset, attempts), compare_conditions(dataset, attempts))
     yield from (compare_answers(dataset), *score_tables(dataset), reliability_table(dataset))
     yield from (against_network(measured), by_network(measured), ages(dataset, measured))
     yield from (safety_limits(dataset, measured), learning(measured), learnt(measured))

@@ -4,7 +4,8 @@ A drive of the task counts if its participant is of a chosen kind, saw the video
 moved the robot; if it has ended, and not by a fault of the platform; if neither a researcher nor a
 rule of the plan excludes it; and if the study counts it, of several drives by one participant in
 one condition (`Analysis.drives`). Every table, figure, test, flow chart, sheet and column of an
-export follows from `counting`. Nothing else selects sessions.
+export follows from `counting`. Nothing else selects sessions, except that success and times have
+the drives of `attempted`.
 
 A participant who was assigned again counts in one cell: that of the first drive that counts.
 """
@@ -63,15 +64,13 @@ def why_not(session: SessionRecord, plan: CountingPlan) -> str:
         return PLATFORM_FAULT
     if not session.outcome:
         return RUNNING
-    if not session.drove:
-        return NOT_DRIVEN if session.exposed else NOT_EXPOSED
-    return "" if plan.with_excluded else _excluded(session, plan)
-
-
-def _excluded(session: SessionRecord, plan: CountingPlan) -> str:
-    if session.excluded:
+    if not session.exposed:
+        return NOT_EXPOSED
+    if session.excluded and not plan.with_excluded:
         return EXCLUDED
-    return EXCLUDED_BY_PLAN if session.participant in plan.excluded else ""
+    if session.participant in plan.excluded and not plan.with_excluded:
+        return EXCLUDED_BY_PLAN
+    return "" if session.drove else NOT_DRIVEN
 
 
 def reasons(
@@ -161,6 +160,23 @@ def counting(
     else:
         plan = replace(plan, excluded=excluded_participants(found))
     return replace(_selected(dataset, plan), exclusions=found, is_with_excluded=with_excluded)
+
+
+def attempted(dataset: Dataset) -> tuple[SessionRecord, ...]:
+    """Return the drives of which success and times are, of a dataset of what counts: those that
+    count and, of participants who saw the video and never moved the robot under a condition, the
+    last one under it, which is a failure: whether they leave may depend on the condition that they
+    saw (intention to treat; only those who were not exposed may be left out: ICH E9, 5.2.1).
+    """
+    driven = {(one.participant, one.condition) for one in dataset.sessions}
+    unmoved = {
+        (one.participant, one.condition): one
+        for one in dataset.others
+        if one.counts_why == NOT_DRIVEN and (one.participant, one.condition) not in driven
+    }
+    found = (*dataset.sessions, *unmoved.values())
+    anew = {one.id for one in _drawn_anew(dataset.study, found)}
+    return tuple(one for one in found if one.id not in anew)
 
 
 def with_reasons(dataset: Dataset) -> Dataset:

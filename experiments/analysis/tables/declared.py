@@ -56,8 +56,10 @@ from experiments.analysis.tables.drive_outcomes import (
     CENSORED_AT_END,
     ONLY_KNOWN,
     RATES,
+    UNMOVED,
     group_of,
     outcomes,
+    sessions_of,
     values_by_participant,
 )
 from experiments.analysis.tables.paper_tables import behind_statements
@@ -120,7 +122,7 @@ class Data:
         """Return a measure in a condition: a value a participant, and the sessions behind them."""
         questionnaire, point, item = measure.partition(".")
         if not point:
-            own = self._driven(condition)
+            own = self._driven(condition, measure)
             known = measure in {column.name for column in METRICS}
             values = values_by_participant(own, measure) if known else {}
             return ComparedSide(values, [one.session.id for one in own] if values else [])
@@ -140,10 +142,11 @@ class Data:
             return [DriveOutcome(*one) for one in self.of(measure, condition).values.items()]
         if KINDS.get(measure) != test:
             return []
-        return list(outcomes(self._driven(condition), KINDS[measure], measure))
+        return list(outcomes(self._driven(condition, measure), KINDS[measure], measure))
 
-    def _driven(self, condition: str) -> list[Measured]:
-        return [one for one in self.measured if one.session.condition == condition]
+    def _driven(self, condition: str, measure: str) -> list[Measured]:
+        own = (one for one in self.measured if one.session.condition == condition)
+        return sessions_of(measure, own)
 
     def side(
         self, test: str, measure: str, keys: Sequence[str]
@@ -154,7 +157,7 @@ class Data:
         found = {key: self.drives(test, measure, key) for key in keys}
         if test in FAMILIES:
             drives = [one for own in found.values() for one in own]
-            ids = [one.session.id for key in keys for one in self._driven(key)]
+            ids = [one.session.id for key in keys for one in self._driven(key, measure)]
             group = group_of(KINDS[measure], drives) if drives else ComparedSide({})
             return drives, ComparedSide(group.values, ids, group.is_censored, group.median)
         groups = {key: self.of(measure, key) for key in keys}
@@ -283,7 +286,9 @@ def _compared(one: DeclaredAnalysis, data: Data) -> Table:
 def _about_metrics(one: DeclaredAnalysis) -> tuple[str, ...]:
     """Return what is done about sessions that were cut short, in sentences."""
     if one.test == "times":
-        return (CENSORED_AT_END,)
+        return (CENSORED_AT_END, UNMOVED)
+    if one.test == "proportions":
+        return (UNMOVED,)
     times = (ONLY_KNOWN,) if CENSORED.intersection(one.measures) else ()
     rates = (PER_MINUTE | OF_COMPLETED).intersection(one.measures)
     return (*times, *((RATES,) if rates else ()))

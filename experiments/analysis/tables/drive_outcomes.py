@@ -3,7 +3,7 @@ others as if they were complete: metrics/definitions.py says what takes the plac
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Literal
 
@@ -26,10 +26,22 @@ CENSORED_AT_END = (
     " Meier."
 )
 ONLY_KNOWN = "Times are those of sessions in which they came."
+UNMOVED = (
+    "In proportions and times, a participant who saw the video and never moved the robot under a"
+    " condition is one who did not succeed."
+)
 RATES = (
     "Sessions that were cut short: counts and durations are per minute that has states;"
     f" {', '.join(sorted(OF_COMPLETED))} are those of completed sessions."
 )
+
+
+def sessions_of(name: str, attempts: Iterable[Measured]) -> list[Measured]:
+    """Return those attempts (counting.attempted) that have a metric: of driving, the drives that
+    count.
+    """
+    is_of_all = KINDS.get(name) in {"proportions", "times"}
+    return [one for one in attempts if is_of_all or one.session.counts]
 
 
 def comparable(one: Measured, name: str) -> float:
@@ -84,6 +96,7 @@ def metric_test(
     is printed of each side.
     """
     family = KINDS.get(name)
+    sides = {key: sessions_of(name, side) for key, side in sides.items()}
     ids = [tuple(one.session.id for one in side) for side in sides.values()]
     if family is None:
         means = {key: values_by_participant(side, name) for key, side in sides.items()}

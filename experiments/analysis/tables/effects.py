@@ -28,6 +28,7 @@ from experiments.analysis.tables.comparisons import (
 from experiments.analysis.tables.drive_outcomes import (
     CENSORED_AT_END,
     RATES,
+    UNMOVED,
     comparable,
     metric_test,
     values_by_participant,
@@ -72,6 +73,7 @@ def compare_conditions(
     notes = (
         "A participant's sessions under a condition are averaged first.",
         CENSORED_AT_END,
+        UNMOVED,
         RATES,
     )
     return comparison_table("conditions", "Metrics by condition.", "Metric", keys, found, notes)
@@ -135,7 +137,7 @@ def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Tab
         "Outcomes.",
         head,
         tuple(rows),
-        ("from, to: 95 % interval of the share (Wilson), sessions taken as independent.",),
+        ("from, to: 95 % interval of the share (Wilson), sessions taken as independent.", UNMOVED),
     )
 
 
