@@ -29,6 +29,7 @@ WAIT_FOR_ROBOT = 3600.0
 WAIT_FOR_PICTURE = 40.0
 ASK_AGAIN = 15.0
 SURPRISE = 2.0
+SETTLED = 60.0  # seconds after which the place of a bot that saw nothing has been given up
 WATCHES = 5.0  # seconds of a bot that never moves the robot
 DRIVES = 10.0  # seconds of a bot that then lets the time run out
 OVER = 3600.0  # seconds that no drive takes
@@ -86,7 +87,8 @@ class BotDrive:
         choices = (wanted, *CONTROLLERS, "keyboard")
         method = next((one for one in choices if one in allowed), "keyboard")
         page = Cockpit(self.browser, self.config["socket"], method, self.clock)  # type: ignore[arg-type]
-        page.view.laser, page.is_mute = self._laser, self.ending == Ending.GETS_NO_CONNECTION
+        page.view.laser = self._laser
+        page.is_mute = self.ending in {Ending.GETS_NO_CONNECTION, *LEAVES_AT_ONCE}
         return page
 
     @property
@@ -173,6 +175,8 @@ class BotDrive:
     async def _drive(self, driver: Driver) -> None:
         if self.ending in LEAVES_AT_ONCE:
             await self._leave()
+            if self.ending == Ending.TAKES_ROBOT_AGAIN:
+                await asyncio.sleep(SETTLED)
             return
         if self.ending == Ending.GETS_NO_CONNECTION:
             await self.cockpit.until(lambda: self.view.ended, NO_CONNECTION)
