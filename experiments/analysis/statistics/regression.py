@@ -57,7 +57,7 @@ SCORE = {
 SEPARATED = "no estimate: the effects separate the outcomes completely"
 NEVER = "the time came in no drive"
 FIELDS = ("value", "weight")
-LARGEST = 12.0  # of a coefficient, or its error in Cox's regression: beyond it, the data separate
+LARGEST = 12.0  # of a coefficient or its error: beyond it, the data separate
 
 
 @dataclass(frozen=True)
@@ -119,14 +119,14 @@ def _coefficients(
 ) -> tuple[Coefficient, ...]:
     fitted = _cox if family == "times" else _estimating_equations
     estimates, covariance = fitted(family, values, weights, design.columns, groups)
-    if not np.isfinite(covariance).all() or np.abs(estimates).max() > LARGEST:
+    with np.errstate(invalid="ignore"):
+        errors = np.sqrt(np.diag(covariance))
+    if not (np.abs(estimates).max() <= LARGEST and errors.max() <= LARGEST):  # also of NaN
         raise CannotFitError(SEPARATED)
     df = float(groups.max() + 1 - len(design.names))
     return tuple(
         coefficient(name, float(value), float(error), df)
-        for name, value, error in zip(
-            design.names, estimates, np.sqrt(np.diag(covariance)), strict=True
-        )
+        for name, value, error in zip(design.names, estimates, errors, strict=True)
         if error > 0.0  # Cox's regression has no intercept
     )
 
