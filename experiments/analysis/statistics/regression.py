@@ -56,6 +56,7 @@ SCORE = {
 }
 SEPARATED = "no estimate: the effects separate the outcomes completely"
 NEVER = "the time came in no drive"
+SEPARATING = 1e-6  # information of a drive, of the largest: the model predicts its outcome surely
 FIELDS = ("value", "weight")
 LARGEST = 12.0  # of a coefficient or its error: beyond it, the data separate
 
@@ -135,7 +136,8 @@ def _scores(
     family: Family, values: Floats, weights: Floats, columns: Floats, places: Sequence[int]
 ) -> Floats:
     """Return the scores of drives, (n, q), for columns at some places, where their coefficients are
-    0: residuals of the model without them, times what of them the other columns do not explain.
+    0: residuals of the model without them, times what of them the other columns do not explain; NaN
+    where the other columns separate outcomes, as what they explain is then anything.
     """
     others = [at for at in range(columns.shape[1]) if at not in places]
     with _separation():
@@ -148,6 +150,8 @@ def _scores(
         rest, own = columns[:, others], columns[:, list(places)]
         mean = sm.GLM(values, rest, family=of_family, exposure=exposure).fit().fittedvalues
         information = mean if family == "counts" else mean * (1.0 - mean)
+        if information.min() < SEPARATING * information.max():
+            return np.full_like(own, math.nan)
         weighted = rest.T * information
         explained = rest @ np.linalg.solve(weighted @ rest, weighted @ own)
         return np.asarray((own - explained) * (values - mean)[:, None])
@@ -175,7 +179,7 @@ def _residuals(model: Any, estimates: Floats) -> Floats:
     """Return the score residuals of drives, (n, k); one that ended before anybody's time came was
     never at risk, and has 0 where statsmodels has NaN.
     """
-    return np.nan_to_num(np.asarray(model.score_residuals(estimates)))
+    return np.asarray(np.nan_to_num(model.score_residuals(estimates)))
 
 
 def _by_participant(scores: Floats, groups: Any, people: int) -> Floats:
@@ -185,11 +189,14 @@ def _by_participant(scores: Floats, groups: Any, people: int) -> Floats:
 
 
 def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[float, float]]:
-    """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom.
+    """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom;
+    NaN of scores that are NaN.
 
     Raises:
         CannotFitError: they do not vary.
     """
+    if np.isnan(scores).any():
+        return math.nan, (math.nan, math.nan)
     size = scores.shape[1]
     summed = _by_participant(scores, groups, people)
     summed[np.abs(summed) <= ROUNDING * np.abs(scores).max()] = 0.0

@@ -232,7 +232,8 @@ score_test <- function(kind, own, x, at) {
     x <- cbind(1, x); others <- c(1, others + 1); rest <- x[, others, drop = FALSE]; columns <- x[, at + 1, drop = FALSE]
     family <- if (kind == "counts") poisson() else binomial()
     fit <- glm(value ~ rest - 1, family, own, offset = if (kind == "counts") log(own$weight), epsilon = 1e-12)
-    w <- family$variance(fitted(fit)); explained <- rest %*% solve(crossprod(rest, w * rest), crossprod(rest, w * columns))
+    w <- family$variance(fitted(fit)); if (min(w) < 1e-6 * max(w)) return(list(`n tested` = n))  # others separate
+    explained <- rest %*% solve(crossprod(rest, w * rest), crossprod(rest, w * columns))
     scores <- (columns - explained) * (own$value - fitted(fit))
   }
   summed <- rowsum(scores, own$participant); summed[abs(summed) <= 1e-9 * max(abs(scores))] <- 0; covariance <- cov(summed)
@@ -570,7 +571,7 @@ model_table <- function(table, one, measures, own, test) {
       family[[paste(measure, terms[n], sep = "|")]] <- row
     }
   }
-  adjusted <- p.adjust(sapply(family, `[[`, "p"), "holm")
+  adjusted <- p.adjust(sapply(family, function(one) if (is.null(one$p)) NA else one$p), "holm")
   for (n in seq_along(family)) do.call(tell, c(list(table, names(family)[n]), family[[n]], `p (Holm)` = adjusted[[n]]))
 }
 for (one in study$analyses) {

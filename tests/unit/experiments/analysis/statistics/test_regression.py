@@ -205,3 +205,20 @@ def test_cell_without_a_success_leaves_no_coefficients_with_endless_intervals():
     terms = ["delay", "help", "delay:help"]
     found = fit_family("times", outcomes, design_of(LEVELS, terms, rows), terms)
     assert (found.coefficients, found.terms[0].p < 0.05) == ((), True)
+
+
+def test_effect_beside_others_that_separate_the_outcomes_has_no_test():
+    """With much delay nobody succeeds. Estimates of the interaction run to infinity without an
+    effect of the help, and what is left to test depends on where the fit stops.
+    """
+    cells = {("none", "alone"): [1, 1, 1, 1], ("none", "helped"): [1, 1, 0, 1]}
+    outcomes, rows = [], []
+    for delay, help_ in product(LEVELS["delay"], LEVELS["help"]):
+        for n, value in enumerate(cells.get((delay, help_), [0, 0, 0, 0])):
+            outcomes.append(DriveOutcome(f"{delay}{n}", float(value)))
+            rows.append({"delay": delay, "help": help_})
+    found = fit_family("proportions", outcomes, design_of(LEVELS, TERMS, rows), TERMS)
+    delay, help_, both = found.terms
+    assert delay.p < 0.01
+    assert math.isnan(help_.p)
+    assert math.isnan(both.p)
