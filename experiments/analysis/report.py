@@ -72,7 +72,7 @@ from experiments.analysis.tables.summaries import (
     verdicts_table,
 )
 from experiments.analysis.tables.table import SessionSets, Table, as_csv
-from experiments.dataset.counting import counting
+from experiments.dataset.counting import attempted, counting
 from experiments.dataset.levels import Kind
 from experiments.dataset.records import COUNTING, EVERY, Dataset, SessionRecord
 from experiments.definition.plan import StudyPlan
@@ -114,8 +114,8 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
         yield report(planned, measured, dataset)
         return
     effects = exclusion_effects(
-        declared(planned, _measured(planned.sessions, measured)),
-        declared(every, _measured(every.sessions, measured)),
+        declared(planned, _measured(attempted(planned), measured)),
+        declared(every, _measured(attempted(every), measured)),
         alpha_of(dataset.study),
     )
     yield report(planned, measured, dataset, effects)
@@ -146,9 +146,10 @@ def report(
     measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
     quality = dataset.study.quality
     problems = {one.session.id: problems_of(one, quality) for one in (*measured, *others)}
-    study, tested = dataset.study, declared(dataset, measured)
+    attempts = _measured(attempted(dataset), numbers)
+    study, tested = dataset.study, declared(dataset, attempts)
     decisions = [] if dataset.is_with_excluded else decisions_of(study, tested)
-    tables = [*_tables(dataset, measured, others, problems), *tested]
+    tables = [*_tables(dataset, measured, others, attempts, problems), *tested]
     if not dataset.is_with_excluded:
         sheet = reporting_sheet(dataset, measured, whole.participants)
         found = hypotheses_table(study, decisions)
@@ -185,6 +186,7 @@ def _tables(
     dataset: Dataset,
     measured: Sequence[Measured],
     others: Sequence[Measured],
+    attempts: Sequence[Measured],
     problems: Mapping[str, Problems],
 ) -> Iterator[Table]:
     conditions = [one.key for one in dataset.study.conditions]
@@ -195,7 +197,7 @@ def _tables(
     yield from (funnel(dataset, all_drives), metrics_table(measured), segment_spreads(measured))
     yield from (sessions_table(all_drives, problems), segments_table(measured))
     yield from (verdicts_table(measured, problems, others), fault_sides(dataset))
-    yield from (outcomes_by_condition(dataset, measured), compare_conditions(dataset, measured))
+    yield from (outcomes_by_condition(dataset, attempts), compare_conditions(dataset, attempts))
     yield from (compare_answers(dataset), *score_tables(dataset), reliability_table(dataset))
     yield from (against_network(measured), by_network(measured), ages(dataset, measured))
     yield from (safety_limits(dataset, measured), learning(measured), learnt(measured))

@@ -16,7 +16,7 @@ from experiments.bots.browser import Browser, BrowserError
 from experiments.bots.cockpit import Cockpit
 from experiments.bots.diary import Leg
 from experiments.bots.driver import Driver, Guide, Intent
-from experiments.bots.endings import Ending
+from experiments.bots.endings import LEAVES_AT_ONCE, Ending
 from experiments.bots.persona import DRIVE, Persona
 from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import View
@@ -29,6 +29,9 @@ WAIT_FOR_ROBOT = 3600.0
 WAIT_FOR_PICTURE = 40.0
 ASK_AGAIN = 15.0
 SURPRISE = 2.0
+SETTLED = 60.0  # seconds after which the place of a bot that saw nothing has been given up
+WATCHES = 5.0  # seconds of a bot that never moves the robot
+DRIVES = 10.0  # seconds of a bot that then lets the time run out
 OVER = 3600.0  # seconds that no drive takes
 SLOWEST_END = 30.0
 AWAY = 6.0  # seconds without a network, well within the grace period
@@ -84,7 +87,8 @@ class BotDrive:
         choices = (wanted, *CONTROLLERS, "keyboard")
         method = next((one for one in choices if one in allowed), "keyboard")
         page = Cockpit(self.browser, self.config["socket"], method, self.clock)  # type: ignore[arg-type]
-        page.view.laser, page.is_mute = self._laser, self.ending == Ending.GETS_NO_CONNECTION
+        page.view.laser = self._laser
+        page.is_mute = self.ending in {Ending.GETS_NO_CONNECTION, *LEAVES_AT_ONCE}
         return page
 
     @property
@@ -169,13 +173,19 @@ class BotDrive:
     # --- the drive --------------------------------------------------------------------------------
 
     async def _drive(self, driver: Driver) -> None:
-        if self.ending in {Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK}:
+        if self.ending in LEAVES_AT_ONCE:
             await self._leave()
+            if self.ending == Ending.TAKES_ROBOT_AGAIN:
+                await asyncio.sleep(SETTLED)
             return
         if self.ending == Ending.GETS_NO_CONNECTION:
             await self.cockpit.until(lambda: self.view.ended, NO_CONNECTION)
             return
         await self.cockpit.until(lambda: self.view.frames and self.view.pose, WAIT_FOR_PICTURE)
+        if self.ending == Ending.NEVER_MOVES:
+            await self.cockpit.until(lambda: self.view.ended, WATCHES)
+            await self._leave()
+            return
         self._began = self.clock()
         minutes = float(self.study.get("minutes") or 15.0)
         limit = self._began + min(OVER, 60.0 * minutes + SLOWEST_END)
@@ -221,7 +231,7 @@ class BotDrive:
         """
         state = self.view.state
         is_stopped = state is not None and state.safety.inhibited == "stopped"
-        is_idle = self.ending == Ending.LETS_TIME_RUN_OUT and self._seconds_driven() > 30.0
+        is_idle = self.ending == Ending.LETS_TIME_RUN_OUT and self._seconds_driven() > DRIVES
         return STAND if self._is_driven or is_stopped or is_idle else speed
 
     def _seconds_driven(self) -> float:

@@ -30,12 +30,17 @@ class Ending(StrEnum):
     PRESSES_STOP = "presses_stop"
     DOCKS_EARLY = "docks_early"
     TAKES_PHOTO_AGAIN = "takes_the_photo_again"
+    NEVER_MOVES = "never_moves"  # sees the video, and leaves
+    TAKES_ROBOT_AGAIN = "takes_the_robot_again"  # leaves before the video, then drives
 
 
 EVERY = tuple(Ending)
 ABOUT_PHOTO = frozenset({Ending.SKIPS_PHOTO, Ending.TAKES_PHOTO_AGAIN})
+LEAVES_AT_ONCE = frozenset({Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.TAKES_ROBOT_AGAIN})
 # bots that do not drive after the first attempt
-GIVES_UP = frozenset({Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.GETS_NO_CONNECTION})
+GIVES_UP = frozenset(
+    {Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.GETS_NO_CONNECTION, Ending.NEVER_MOVES}
+)
 # About as the paper's participants: nine in ten complete the task.
 USUAL: dict[Ending, float] = {
     Ending.COMPLETES: 0.72,

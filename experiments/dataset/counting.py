@@ -4,7 +4,8 @@ A drive of the task counts if its participant is of a chosen kind, saw the video
 moved the robot; if it has ended, and not by a fault of the platform; if neither a researcher nor a
 rule of the plan excludes it; and if the study counts it, of several drives by one participant in
 one condition (`Analysis.drives`). Every table, figure, test, flow chart, sheet and column of an
-export follows from `counting`. Nothing else selects sessions.
+export follows from `counting`. Nothing else selects sessions, except that success and times have
+the drives of `attempted`.
 
 A participant who was assigned again counts in one cell: that of the first drive that counts.
 """
@@ -51,11 +52,13 @@ def _why_not(session: SessionRecord, plan: CountingPlan) -> str:
         return levels.PLATFORM_FAULT
     if not session.outcome:
         return levels.RUNNING
-    if not session.drove:
-        return levels.NOT_DRIVEN if session.exposed else levels.NOT_EXPOSED
+    if not session.exposed:
+        return levels.NOT_EXPOSED
     if session.excluded and not plan.with_excluded:
         return levels.EXCLUDED
-    return levels.EXCLUDED_BY_PLAN if session.participant in plan.excluded else ""
+    if session.participant in plan.excluded and not plan.with_excluded:
+        return levels.EXCLUDED_BY_PLAN
+    return "" if session.drove else levels.NOT_DRIVEN
 
 
 def _reasons(dataset: Dataset, plan: CountingPlan) -> dict[str, str]:
@@ -134,6 +137,23 @@ def counting(
     if with_excluded:
         plan = replace(plan, excluded=frozenset(), with_excluded=True)
     return replace(_selected(dataset, plan), exclusions=found, is_with_excluded=with_excluded)
+
+
+def attempted(dataset: Dataset) -> tuple[SessionRecord, ...]:
+    """Return the drives of which success and times are, of a dataset of what counts: those that
+    count and, of participants who saw the video and never moved the robot under a condition, the
+    last one under it, which is a failure: whether they leave may depend on the condition that they
+    saw (intention to treat; only those who were not exposed may be left out: ICH E9, 5.2.1).
+    """
+    driven = {(one.participant, one.condition) for one in dataset.sessions}
+    unmoved = {
+        (one.participant, one.condition): one
+        for one in dataset.others
+        if one.counts_why == levels.NOT_DRIVEN and (one.participant, one.condition) not in driven
+    }
+    found = (*dataset.sessions, *unmoved.values())
+    anew = {one.id for one in _drawn_anew(dataset.study, found)}
+    return tuple(one for one in found if one.id not in anew)
 
 
 def with_reasons(dataset: Dataset) -> Dataset:

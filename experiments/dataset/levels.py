@@ -179,9 +179,10 @@ UNCOUNTED: Levels = {
     PLATFORM_FAULT: "the platform ended it",
     RUNNING: "it has not ended",
     NOT_EXPOSED: "the page showed no video frame of the task",
-    NOT_DRIVEN: "the participant saw the video and never moved the robot",
     EXCLUDED: "a researcher excluded it",
     EXCLUDED_BY_PLAN: "a rule of the plan excludes the participant",
+    NOT_DRIVEN: "the participant saw the video and never moved the robot; without a drive under the"
+    " condition that counts, a failure in tests of proportions, and censored in those of times",
     DRAWN_ANEW: "the participant was drawn anew and has a drive that counts in another cell",
     REPEATED: "the study counts another drive of the participant in this condition",
 }

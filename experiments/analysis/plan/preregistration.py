@@ -460,6 +460,11 @@ def _counting(study: StudyDefinition) -> Iterator[str]:
         f" {DRIVES[study.analysis.drives]}."
     )
     yield (
+        "- An exposed participant who never moves the robot under a condition has not succeeded:"
+        " a failure in tests of proportions, such as of `completed`, and in tests of times"
+        " censored at the end of the drive. All other metrics and answers are of drives that count."
+    )
+    yield (
         "- Practice, drives of pilots and bots, drives that a fault of the platform ended, and"
         " drives that a researcher excludes do not count. What a researcher excludes is reported"
         " with the reason."

@@ -54,7 +54,8 @@ SCORE = {
 }
 SEPARATED = "no estimate: the effects separate the outcomes completely"
 NEVER = "the time came in no drive"
-LARGEST = 12.0  # of a coefficient: beyond it, the data separate and have no estimate
+SEPARATING = 1e-6  # information of a drive, of the largest: the model predicts its outcome surely
+LARGEST = 12.0  # of a coefficient or its error: beyond it, the data separate
 
 
 @dataclass(frozen=True)
@@ -149,9 +150,15 @@ def _coefficients(
             from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
 
             names, columns = names[1:], columns[:, 1:]
-            found = PHReg(values, columns, status=weights).fit(groups=groups, disp=0)
-            estimates = -np.asarray(found.params)
-            covariance = np.asarray(found.cov_params()) * people / (people - 1.0)
+            model = PHReg(values, columns, status=weights)
+            estimates = np.asarray(model.fit(disp=0).params)
+            inverse = np.linalg.inv(model.hessian(estimates))
+            if not -inverse.diagonal().min() <= LARGEST**2:  # several may share what is unbounded
+                raise CannotFitError(SEPARATED)
+            # statsmodels has no covariance by groups where a drive was never at risk
+            summed = _by_participant(_residuals(model, estimates), groups, people)
+            covariance = inverse @ summed.T @ summed @ inverse * people / (people - 1.0)
+            estimates = -estimates
         else:
             import statsmodels.api as sm  # noqa: PLC0415 - not on robots
 
@@ -160,9 +167,10 @@ def _coefficients(
             if found is None or not found.converged:
                 raise CannotFitError(SEPARATED)
             estimates, covariance = np.asarray(found.params), np.asarray(found.cov_params())
-    if not np.isfinite(covariance).all() or np.abs(estimates).max() > LARGEST:
+        errors = np.sqrt(np.diag(covariance))
+    if not (np.abs(estimates).max() <= LARGEST and errors.max() <= LARGEST):  # also of NaN
         raise CannotFitError(SEPARATED)
-    each = zip(names, estimates.tolist(), np.sqrt(np.diag(covariance)).tolist(), strict=True)
+    each = zip(names, estimates.tolist(), errors.tolist(), strict=True)
     df = float(people - len(design.names))
     return tuple(coefficient(name, value, error, df) for name, value, error in each)
 
@@ -174,7 +182,8 @@ def _scores(
     family: Family, values: Floats, weights: Floats, columns: Floats, places: Sequence[int]
 ) -> Floats:
     """Return the scores of drives, (n, q), for columns at some places, where their coefficients are
-    0: residuals of the model without them, times what of them the other columns do not explain.
+    0: residuals of the model without them, times what of them the other columns do not explain; NaN
+    where the other columns separate outcomes, as what they explain is then anything.
     """
     others = [at for at in range(columns.shape[1]) if at not in places]
     with _separation():
@@ -185,6 +194,8 @@ def _scores(
         rest, own = columns[:, others], columns[:, list(places)]
         mean = sm.GLM(values, rest, **_of_family(family, weights)).fit().fittedvalues
         information = mean if family == "counts" else mean * (1.0 - mean)
+        if information.min() < SEPARATING * information.max():
+            return np.full_like(own, math.nan)
         weighted = rest.T * information
         explained = rest @ np.linalg.solve(weighted @ rest, weighted @ own)
         return np.asarray((own - explained) * (values - mean)[:, None])
@@ -198,8 +209,7 @@ def _scores_of_times(times: Floats, came: Floats, columns: Floats, own: Sequence
     if others:
         at_null[others] = PHReg(times, columns[:, others], status=came).fit(disp=0).params
     model = PHReg(times, columns, status=came)
-    # NaN: a drive that ended before the first time came was never at risk
-    scores = np.nan_to_num(np.asarray(model.score_residuals(at_null)))
+    scores = _residuals(model, at_null)
     if not others:
         return np.asarray(scores[:, own])
     information = model.hessian(at_null)
@@ -208,15 +218,30 @@ def _scores_of_times(times: Floats, came: Floats, columns: Floats, own: Sequence
     return np.asarray(scores[:, own] - scores[:, others] @ explained)
 
 
+def _residuals(model: Any, estimates: Floats) -> Floats:
+    """Return the score residuals of drives, (n, k); one that ended before anybody's time came was
+    never at risk, and has 0 where statsmodels has NaN.
+    """
+    return np.asarray(np.nan_to_num(model.score_residuals(estimates)))
+
+
+def _by_participant(scores: Floats, groups: Any, people: int) -> Floats:
+    summed = np.zeros((people, scores.shape[1]))
+    np.add.at(summed, groups, scores)
+    return summed
+
+
 def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[float, float]]:
-    """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom.
+    """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom;
+    NaN of scores that are NaN.
 
     Raises:
         CannotFitError: they do not vary.
     """
+    if np.isnan(scores).any():
+        return math.nan, (math.nan, math.nan)
     size = scores.shape[1]
-    summed = np.zeros((people, size))
-    np.add.at(summed, groups, scores)
+    summed = _by_participant(scores, groups, people)
     summed[np.abs(summed) <= ROUNDING * np.abs(scores).max()] = 0.0
     covariance, mean = np.atleast_2d(np.cov(summed, rowvar=False)), summed.mean(axis=0)
     is_known = people > size + 1 and np.isfinite(covariance).all()

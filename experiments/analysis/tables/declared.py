@@ -46,7 +46,7 @@ from experiments.analysis.tables.comparisons import (
     head_of,
     tested,
 )
-from experiments.analysis.tables.drive_outcomes import CENSORED_AT_END, ONLY_KNOWN, RATES
+from experiments.analysis.tables.drive_outcomes import CENSORED_AT_END, ONLY_KNOWN, RATES, UNMOVED
 from experiments.analysis.tables.measures import StudyMeasures
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.table import Table, TableCell, number, probability
@@ -165,6 +165,8 @@ def _about_metrics(one: DeclaredAnalysis) -> Iterator[str]:
     """Yield sentences on sessions that were cut short."""
     if one.test == "times":
         yield CENSORED_AT_END
+    if one.test in {"times", "proportions"}:
+        yield UNMOVED
         return
     if CENSORED.intersection(one.measures):
         yield ONLY_KNOWN

@@ -3,7 +3,7 @@ others as if they were complete: metrics/definitions.py says what takes the plac
 """
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from experiments.analysis.metrics.definitions import KINDS, OF_COMPLETED, PER_MINUTE
 from experiments.analysis.metrics.sessions import Measured
@@ -22,10 +22,22 @@ CENSORED_AT_END = (
     " Meier."
 )
 ONLY_KNOWN = "Times are those of sessions in which they came."
+UNMOVED = (
+    "In proportions and times, a participant who saw the video and never moved the robot under a"
+    " condition is one who did not succeed."
+)
 RATES = (
     "Sessions that were cut short: counts and durations are per minute that has states;"
     f" {', '.join(sorted(OF_COMPLETED))} are those of completed sessions."
 )
+
+
+def sessions_of(name: str, attempts: Iterable[Measured]) -> list[Measured]:
+    """Return those attempts (counting.attempted) that have a metric: of driving, the drives that
+    count.
+    """
+    is_of_all = KINDS.get(name) in {"proportions", "times"}
+    return [one for one in attempts if is_of_all or one.session.counts]
 
 
 def comparable(one: Measured, name: str) -> float:
@@ -88,6 +100,7 @@ def metric_test(name: str, sides: Mapping[str, Sequence[Measured]], *, is_paired
     is printed of each side.
     """
     family = KINDS.get(name)
+    sides = {key: sessions_of(name, side) for key, side in sides.items()}
     if family is None:
         means = {key: mean_side(side, name) for key, side in sides.items()}
         test = compare({key: one.values for key, one in means.items()}, is_paired=is_paired)

@@ -30,6 +30,7 @@ from experiments.analysis.tables.comparisons import (
 from experiments.analysis.tables.drive_outcomes import (
     CENSORED_AT_END,
     RATES,
+    UNMOVED,
     comparable,
     mean_side,
     metric_test,
@@ -74,7 +75,7 @@ def compare_conditions(
     sides = {key: [one for one in measured if one.session.condition == key] for key in keys}
     found = _tested(names, sides, is_paired=dataset.study.allocation.design == "within")
     averaged = "A participant's sessions under a condition are averaged first."
-    notes = (averaged, CENSORED_AT_END, RATES)
+    notes = (averaged, CENSORED_AT_END, UNMOVED, RATES)
     return comparison_table("conditions", "Metrics by condition.", "Metric", keys, found, notes)
 
 
@@ -110,7 +111,7 @@ def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Tab
     named = (name or "not ended" for name in outcomes)
     head = ("Condition", "Participants", "Sessions", *named, "% completed", "from", "to")
     note = "from, to: 95 % interval of the share (Wilson), sessions taken as independent."
-    return Table.of("outcomes", "Outcomes.", head, rows, (note,))
+    return Table.of("outcomes", "Outcomes.", head, rows, (note, UNMOVED))
 
 
 def against_network(measured: Sequence[Measured]) -> Table:

@@ -10,7 +10,7 @@ from experiments.analysis.metrics.definitions import KINDS, METRICS
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.regression import DriveOutcome
 from experiments.analysis.tables.comparisons import ComparedSide
-from experiments.analysis.tables.drive_outcomes import drive_side, mean_side, outcomes
+from experiments.analysis.tables.drive_outcomes import drive_side, mean_side, outcomes, sessions_of
 from experiments.analysis.tables.paper_tables import behind
 from experiments.analysis.tables.response_selection import counted
 from experiments.analysis.tables.scored_responses import coded, mean_scores
@@ -41,8 +41,9 @@ class StudyMeasures:
         definition = self.dataset.questionnaire(questionnaire)
         return None if definition is None else measured_scale(definition, item)
 
-    def _sessions(self, condition: str) -> list[Measured]:
-        return [one for one in self.measured if one.session.condition == condition]
+    def _sessions(self, condition: str, measure: str) -> list[Measured]:
+        own = (one for one in self.measured if one.session.condition == condition)
+        return sessions_of(measure, own)
 
     def means(self, measure: str, condition: str) -> ComparedSide:
         """Return each participant's mean of a measure in a condition, over their sessions or
@@ -50,7 +51,7 @@ class StudyMeasures:
         """
         questionnaire, point, item = measure.partition(".")
         if not point:
-            own = self._sessions(condition)
+            own = self._sessions(condition, measure)
             found = mean_side(own, measure) if measure in NAMES else ComparedSide({})
             return found if found.values else ComparedSide({})
         scale = self._scale(questionnaire, item)
@@ -67,7 +68,7 @@ class StudyMeasures:
             return [DriveOutcome(*one) for one in self.means(measure, condition).values.items()]
         if (kind := KINDS.get(measure)) != test or kind is None:
             return []
-        return list(outcomes(self._sessions(condition), kind, measure))
+        return list(outcomes(self._sessions(condition, measure), kind, measure))
 
     def side(
         self, test: str, measure: str, keys: Sequence[str]
@@ -77,7 +78,7 @@ class StudyMeasures:
         participants who lack one of these have none.
         """
         if test in FAMILIES:
-            own = [one for key in keys for one in self._sessions(key)]
+            own = [one for key in keys for one in self._sessions(key, measure)]
             if (kind := KINDS.get(measure)) != test or kind is None:
                 return [], ComparedSide({}, [one.session.id for one in own])
             return drive_side(own, kind, measure)

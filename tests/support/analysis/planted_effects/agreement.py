@@ -94,7 +94,7 @@ def differing(ours: Numbers, theirs: Numbers) -> Iterator[str]:
     for key in sorted(set(ours) & set(theirs)):
         table, row, column = key
         is_fitted = table in fitted or column.startswith("ω")
-        is_modelled = (table, row, "df 2") in ours and table in {"conditions", "learning-tests"}
+        is_modelled = (table, row, "df 2") in ours
         if not _agree(ours[key], theirs[key], column, is_fitted or is_modelled):
             yield f"{' / '.join(key)}: {ours[key]!r}, R {theirs[key]!r}"
 

@@ -113,4 +113,4 @@ def test_text_that_is_no_effect_is_refused_with_an_example(text):
 def test_endings_are_drawn_by_seed_and_each_different_one_comes_in_its_turn():
     assert draw(50, np.random.default_rng(1)) == draw(50, np.random.default_rng(1))
     assert draw(200, np.random.default_rng(1)).count(Ending.COMPLETES) > 100
-    assert set(in_turn(20)) == set(EVERY)
+    assert set(in_turn(len(EVERY))) == set(EVERY)

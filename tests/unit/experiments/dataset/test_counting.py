@@ -10,7 +10,7 @@ from experiments.analysis.report import reports
 from experiments.analysis.tables.effects import compare_conditions, learning
 from experiments.analysis.tables.paper_tables import table_1, table_5
 from experiments.analysis.tables.people import participants_table
-from experiments.dataset.counting import counting, visits_of, with_reasons
+from experiments.dataset.counting import attempted, counting, visits_of, with_reasons
 from experiments.dataset.folder import read, write
 from experiments.dataset.levels import UNCOUNTED
 from experiments.dataset.records import ResponseRecord
@@ -40,6 +40,41 @@ def test_each_other_drive_has_a_reason():
         "fault-1": "platform_fault",
         "visitor-1": "excluded",
     }
+
+
+def test_exposed_participant_who_never_moved_the_robot_did_not_succeed():
+    (found, _) = reports(every_ending())
+    tables = {one.name: one for one in found.tables}
+    conditions = tables["conditions"]
+    completed, task_time, *_, near = conditions.rows
+    n, mean = (conditions.head.index(f"shut: {word}") for word in ("n", "mean"))
+    assert (completed[n].value, completed[mean].value) == (2, 0.5)
+    assert {"done-1", "still-1"} == set(completed[n].sessions) == set(task_time[n].sessions)
+    assert set(near[n].sessions) == {"done-1"}
+    (shut,) = (row for row in tables["outcomes"].rows if row[0].text == "shut")
+    assert shut[tables["outcomes"].head.index("% completed")].value == 50.0
+
+
+def test_unmoved_drive_is_no_failure_beside_one_that_counts():
+    dataset = every_ending()
+    first = drive("done", visit=0, first_motion=float("nan"), outcome="cancelled")
+    found = counting(replace(dataset, sessions=(first, *dataset.sessions)))
+    assert {one.id for one in attempted(found)} == COUNTING | {"still-1"}
+    other_cell = replace(first, condition="all_open")
+    found = counting(replace(dataset, sessions=(other_cell, *dataset.sessions)))
+    assert {one.id for one in attempted(found)} == COUNTING | {"still-1"}
+
+
+def test_excluded_participant_who_never_moved_the_robot_is_no_failure():
+    dataset = every_ending()
+    sessions = [
+        replace(one, excluded="the room was dark") if one.id == "still-1" else one
+        for one in dataset.sessions
+    ]
+    dataset = replace(dataset, sessions=tuple(sessions))
+    assert {one.id for one in attempted(counting(dataset))} == COUNTING
+    every = attempted(counting(dataset, with_excluded=True))
+    assert {one.id for one in every} == COUNTING | {"visitor-1", "still-1"}
 
 
 def test_chosen_kinds_alone_count():
@@ -175,7 +210,8 @@ def test_every_table_and_figure_is_made_of_drives_that_count():
     for table in found.tables:
         behind = {one for row in table.rows for cell in row for one in cell.sessions}
         allowed = flows | {"participants", "table-2", "orders"}
-        assert table.name in allowed or behind <= COUNTING, table.name
+        attempts = {"still-1"} if table.name in {"conditions", "outcomes"} else set()
+        assert table.name in allowed or behind <= COUNTING | attempts, table.name
     for figure in found.figures:
         assert {one for ids in figure.behind.values() for one in ids} <= COUNTING, figure.name
     assert {one.session.id for one in found.measured} == COUNTING

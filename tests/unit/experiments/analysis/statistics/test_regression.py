@@ -4,6 +4,7 @@ why there is no estimate.
 
 import csv
 import math
+from itertools import product
 
 import pytest
 from scipy import stats
@@ -179,3 +180,45 @@ def test_times_that_never_came_have_no_test_and_no_median():
 def test_a_side_of_one_participant_is_left_out():
     found = compare_drives("counts", {"a": drives(1, 2, 3), "b": drives(4, start=9)})
     assert found.remark == "b: left out, n = 1; fewer than two conditions to compare"
+
+
+def test_drive_that_ended_before_any_time_came_leaves_the_hazard_ratio_as_it_is():
+    first = [DriveOutcome(f"P{n}", 100.0 + 7 * (n % 5), float(n % 4 > 0)) for n in range(12)]
+    second = [DriveOutcome(f"P{n}", 110.0 + 9 * (n % 7), float(n % 3 > 0)) for n in range(12)]
+    without = compare_drives("times", {"a": first, "b": second})
+    early = DriveOutcome("P0", 5.0, 0.0)
+    found = compare_drives("times", {"a": [*first, early], "b": second})
+    assert found.effect_name == "hazard ratio"
+    assert found.effect.value == pytest.approx(without.effect.value)
+    assert found.effect.low == pytest.approx(without.effect.low)
+
+
+def test_cell_without_a_success_leaves_no_coefficients_with_endless_intervals():
+    """Three coefficients share what runs to infinity, so that none of them is very large."""
+    seconds = {("none", "alone"): 50.0, ("none", "helped"): 52.0, ("long", "alone"): 60.0}
+    outcomes, rows = [], []
+    for delay, help_ in product(LEVELS["delay"], LEVELS["help"]):
+        came = seconds.get((delay, help_))
+        for n in range(4):
+            outcomes.append(DriveOutcome(f"{delay}{n}", (came or 72.0) + 3 * n, float(bool(came))))
+            rows.append({"delay": delay, "help": help_})
+    terms = ["delay", "help", "delay:help"]
+    found = fit_family("times", outcomes, design_of(LEVELS, terms, rows), terms)
+    assert (found.coefficients, found.terms[0].p < 0.05) == ((), True)
+
+
+def test_effect_beside_others_that_separate_the_outcomes_has_no_test():
+    """With much delay nobody succeeds. Estimates of the interaction run to infinity without an
+    effect of the help, and what is left to test depends on where the fit stops.
+    """
+    cells = {("none", "alone"): [1, 1, 1, 1], ("none", "helped"): [1, 1, 0, 1]}
+    outcomes, rows = [], []
+    for delay, help_ in product(LEVELS["delay"], LEVELS["help"]):
+        for n, value in enumerate(cells.get((delay, help_), [0, 0, 0, 0])):
+            outcomes.append(DriveOutcome(f"{delay}{n}", float(value)))
+            rows.append({"delay": delay, "help": help_})
+    found = fit_family("proportions", outcomes, design_of(LEVELS, TERMS, rows), TERMS)
+    delay, help_, both = found.terms
+    assert delay.p < 0.01
+    assert math.isnan(help_.p)
+    assert math.isnan(both.p)
