@@ -53,6 +53,6 @@ def test_the_preregistration_says_who_reads_what_and_when_they_are_assigned():
     [(0, True, "left"), (0, False, "under_way"), (1, True, "under_way")],
 )
 def test_informed_participant_frees_the_place_only_after_leaving_undriven(done, is_gone, stage):
-    found = stage_now("under_way", conditions=1, done=done, is_gone=is_gone, is_told=True)
+    found = stage_now("under_way", conditions=1, done=done, is_gone=is_gone, knows_condition=True)
     assert found == stage
     assert stage_now("under_way", conditions=1, done=done, is_gone=is_gone) == "under_way"
