@@ -1,11 +1,7 @@
 /**
- * Two pointers over a video, one of each side, and the hand that moves one of them: what the drive
- * page and the robot's own display have in common. The layer is in the element that the video
- * fills, and lies just over the picture, without the bars beside it, so that a share of the
- * layer is a share of the picture.
- *
- * It takes presses and nothing else: who cannot point has words and voice, and no key leads here
- * that would have to lead out again.
+ * Two pointers over a video, one for each side, on the drive page and on the robot's display. The
+ * layer covers exactly the image, without the bars beside it, so that shares of the layer are
+ * shares of the image. It takes presses and no keys.
  */
 
 import { write } from "../lib/dom.js";
