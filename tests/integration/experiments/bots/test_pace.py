@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from experiments.bots.pace import LATE, PROMPT, SLOWEST, Governor, Pace
+from experiments.bots.pace import LATE, OLD, PROMPT, SLOWEST, Governor, Pace
 
 RATE = 20.0
 # Waits of every kind, and what each took by the process's own clock; `real` is the computer's,
@@ -151,3 +151,14 @@ def test_time_goes_slower_also_when_whoever_plays_the_bots_is_late():
     governor = Governor(most=8.0, rate=4.0)
     assert governor.decide([PROMPT / 2], lag=LATE * 2) < 4.0
     assert governor.decide([], lag=LATE * 2) < 3.5
+
+
+def test_old_images_slow_time_down_to_real_time_at_most():
+    governor = Governor(most=8.0, rate=5.8)
+    assert governor.decide([PROMPT / 2], ages=[0.40, 0.52]) < 5.8
+    for _ in range(200):
+        governor.decide([PROMPT / 2], ages=[2.0 * OLD])
+    assert governor.rate == 1.0
+    assert governor.decide([PROMPT / 2], ages=[0.40]) > 1.0
+    governor.rate = SLOWEST
+    assert governor.decide([PROMPT / 2], ages=[2.0 * OLD]) > SLOWEST
