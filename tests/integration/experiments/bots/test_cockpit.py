@@ -5,10 +5,9 @@ import pytest
 from experiments.bots.browser import Browser
 from experiments.bots.cockpit import BEAT, Cockpit
 from experiments.bots.drive import BotDrive
-from experiments.bots.driver import Driver, Guide
+from experiments.bots.driver import STAND, Driver, Guide, SpeedSetting
 from experiments.bots.endings import Ending
 from experiments.bots.persona import Persona
-from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import AT_CENTRE
 from robots.api.messages import Heartbeat
 from robots.world.sites import load_site
@@ -171,13 +170,13 @@ async def test_another_page_takes_the_visit_over_and_knows_nothing_else(ending):
     async with RobotSocket() as server:
         drive = await under_way(about_to(server, ending))
         first = drive.cockpit
-        assert not await drive._ends_its_own_way()
+        assert not await drive._act_out_ending()
         assert server.connections == 2
         assert server.all("session/take")[-1] == {"session": "s1", "takeover": True}
         assert drive.cockpit is not first
         assert drive.view.granted
         drive.view.task = MIDWAY
-        assert not await drive._ends_its_own_way(), "it happens once"
+        assert not await drive._act_out_ending(), "it happens once"
         assert server.connections == 2
         await drive.cockpit.close()
 
@@ -188,7 +187,7 @@ async def test_a_bot_that_presses_stop_sends_no_velocity_after_it(monkeypatch):
         drive = await under_way(about_to(server, Ending.PRESSES_STOP))
         drive.cockpit.steer(SpeedSetting(0.4, 0.0))
         await server.until(lambda: len(server.all("command/velocity")) >= 2)
-        assert not await drive._ends_its_own_way()
+        assert not await drive._act_out_ending()
         (stop,) = server.all("command/action")
         assert stop["type"] == "stop"
         assert all(

@@ -5,11 +5,12 @@ from types import SimpleNamespace
 import pytest
 
 from experiments.bots.drive import BotDrive
+from experiments.bots.driver import STAND, SpeedSetting
 from experiments.bots.endings import Ending
 from experiments.bots.persona import Effect, Persona
-from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api import messages as m
+from robots.api import picture
 from sessions import protocol
 from tests.support import words
 
@@ -68,3 +69,11 @@ def test_a_bot_that_is_to_be_slow_on_a_page_is_so_from_its_first_drive_on():
     before = bot._fastest()
     bot.view.interface = "novice"
     assert bot._fastest().linear < before.linear
+
+
+def test_age_of_images_is_the_mean_over_the_time_for_which_one_is_shown():
+    view = View()
+    view._take(picture.SUFFIX, (10.0, b""), 10.2)
+    assert view.image_age is None
+    view._take(picture.SUFFIX, (10.3, b""), 10.5)  # the first was 0.2 to 0.5 s old
+    assert view.image_age == pytest.approx(0.35)

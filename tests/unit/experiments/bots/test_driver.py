@@ -4,8 +4,7 @@ import dataclasses
 
 import pytest
 
-from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import SpeedSetting
+from experiments.bots.driver import Driver, Guide, SpeedSetting
 from experiments.bots.view import View
 from experiments.definition.course import lay_out
 from experiments.definition.shipped import shipped

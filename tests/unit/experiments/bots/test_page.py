@@ -28,7 +28,7 @@ value="es" selected>Spain</option></select><label for="land">Land</label>
 
 def test_a_form_is_read_with_what_it_holds_what_it_asks_and_how_it_is_sent():
     page = HtmlPage(CONSENT)
-    (form,) = page.main_forms()
+    (form,) = page.forms
     assert form.hidden == [("csrfmiddlewaretoken", "t"), ("place", "1.0.consent")]
     assert {
         name: (field.kind, field.label, field.required) for name, field in form.fields.items()
@@ -42,9 +42,9 @@ def test_a_form_is_read_with_what_it_holds_what_it_asks_and_how_it_is_sent():
 
 def test_the_primary_link_and_button_are_found():
     page = HtmlPage(CONSENT)
-    assert page.next_form() == (page.main_forms()[0], 0)
+    assert page.next_form() == (page.forms[0], page.forms[0].buttons[0])
     assert page.next_link == "?leaf=2"
-    assert page.button("decline") == (page.main_forms()[0], 1)
+    assert page.button("decline") == (page.forms[0], page.forms[0].buttons[1])
 
 
 def test_the_words_of_the_main_part_are_read_and_scripts_are_not():
