@@ -23,9 +23,9 @@ FOLDER = Path(__file__).resolve().parent / "fast_time"
 # to here no drive notices.
 LATE = 0.16
 PROMPT = 0.10
-# Seconds of an image's mean age above which time goes slower, but not slower than real time. From
-# half of that age limit on (0.5 s) the kernel lowers the speed; on a quiet computer it is 0.40 s.
-OLD = 0.46
+# Seconds that an image may get old before time goes slower, but not slower than real time: half
+# of the age limit, from which on the kernel lowers the speed. A quiet computer's get 0.36 s old.
+OLD = 0.5
 SLOWER, FASTER = 0.8, 1.03
 SLOWEST = 0.2  # beside other work, a study takes longer
 
@@ -90,7 +90,7 @@ class Governor:
                 nothing shows that more than real time would do no harm, so the next drive begins at
                 the pace that was good for the last one.
             lag: how late this process was itself, in seconds.
-            ages: the mean ages of the drives' images, in seconds of the quick clock.
+            ages: how old the drives' images get, in seconds of the quick clock.
         """
         seen = list(trips)
         latest = max([*seen, lag])

@@ -97,7 +97,7 @@ class View:
                 self.denied[message.reason] += 1
             case (stamp, _jpeg) if suffix == pictures.SUFFIX:
                 if self.frame is not None:
-                    self.ages.append(now - (self.frame + stamp) / 2.0)
+                    self.ages.append(now - self.frame)
                 self.frame, self.frames, self.awaiting_picture = stamp, self.frames + 1, False
 
     def _take_pose(self, pose: RobotPose) -> None:
@@ -117,9 +117,7 @@ class View:
 
     @property
     def image_age(self) -> float | None:
-        """How old the shown image is on average, in seconds; None before the second. Each age in
-        `ages` is the mean of that of an image when it arrives and that of the one it replaces.
-        """
+        """How old an image gets until the next one arrives, in seconds; None before the second."""
         return statistics.median(self.ages) if self.ages else None
 
     def points(self) -> list[tuple[float, float]]:
