@@ -73,7 +73,7 @@ def test_a_bot_answers_every_kind_of_question_to_the_end(definition, number):
     assert response.finished_at is not None
 
 
-def test_a_bot_gives_its_age_and_ticks_what_has_to_be_agreed_to():
+def test_bot_gives_its_age_and_ticks_a_required_box():
     form = HtmlPage(
         '<main><form method="post"><label for="a">Your age in years</label><input type="number"'
         ' id="a" name="age" min="1" max="120"><label for="g">Guardian</label><input type="text"'
