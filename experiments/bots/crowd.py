@@ -1,4 +1,4 @@
-"""Many bots, a few at a time: each comes when another has left, as people do over a month."""
+"""Many bots, a few at a time: each begins when another has finished."""
 
 import asyncio
 import contextlib
@@ -45,7 +45,7 @@ class BotGroup:
     _active: set[BotParticipant] = field(default_factory=set)
 
     async def run(self) -> list[Diary]:
-        """Let all of them take part, and return their diaries in order."""
+        """Return the diaries of all bots, in order."""
         places = asyncio.Semaphore(self.plan.at_once)
         bots = [self._run_one(number, places) for number in range(len(self.plan.links))]
         if self.pace is None:

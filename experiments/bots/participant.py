@@ -47,7 +47,7 @@ class BotParticipant:
     visits: int = 1
     circumstances: dict[str, str] = field(default_factory=dict)  # of the last drive
     drive: BotDrive | None = None  # in progress
-    _visit: int = 1
+    _participation: int = 1  # counted from 1
     _tasks: int = 0  # drives so far, without practices
 
     def __post_init__(self) -> None:
@@ -96,7 +96,7 @@ class BotParticipant:
                 raise StuckError(f"{_named(here)} answered with status {here.status}")
             if code := page.text_of("code"):
                 self.diary.code, self.diary.done = code, True
-                if self._visit >= self._wanted:
+                if self._participation >= self._wanted:
                     return
                 seen.clear()
             signature = f"{here.path} {' '.join(page.headings)} {page.text[:400]}"
@@ -104,13 +104,13 @@ class BotParticipant:
             if seen[signature] > (MAX_POLLS if _is_waiting(here) else SAME_PAGE):
                 reason = "; ".join(page.errors) or "no reason given"
                 raise StuckError(f"{_named(here)} does not continue: {reason}")
-            following = await self._visit_page(here)
+            following = await self._take_step(here)
             if following is None:
                 return
             here = following
         raise StuckError(f"the study did not end within {MAX_PAGES} pages")
 
-    async def _visit_page(self, here: HttpAnswer) -> HttpAnswer | None:
+    async def _take_step(self, here: HttpAnswer) -> HttpAnswer | None:
         """Do what this page asks for, and return the next one; None when the bot has left."""
         began, survey = self.clock(), here.page.form("survey")
         entry = PageVisit(
@@ -132,12 +132,12 @@ class BotParticipant:
         if "socket" in page.json.get("config", {}):
             return await self._drive(here)
         if page.text_of("code"):
-            self._visit += 1
+            self._participation += 1
             return await self._send(here, page.forms[0]) if page.forms else None
         if await self._leaves(here):
             return None
         # the bot was at the robot, and does not want to drive any more
-        gives_up = self._visit == 1 and self.ending in GIVES_UP and bool(self.diary.legs)
+        gives_up = self._participation == 1 and self.ending in GIVES_UP and bool(self.diary.legs)
         without = page.button("without")
         if without is not None and gives_up:
             return await self._send(here, *without)
@@ -187,7 +187,9 @@ class BotParticipant:
     async def _drive(self, here: HttpAnswer) -> HttpAnswer | None:
         config = here.page.json["config"]
         study = config.get("study", {})
-        ending = self.ending if self._visit == 1 and not self.diary.legs else Ending.COMPLETES
+        ending = (
+            self.ending if self._participation == 1 and not self.diary.legs else Ending.COMPLETES
+        )
         # a practice has the number of the drive that follows it
         number = self._tasks + (study.get("kind") == "task")
         self.drive = BotDrive(self.browser, config, self.persona, ending, self.clock, number)

@@ -100,8 +100,8 @@ class Persona:
         return np.random.default_rng(words)
 
     def opinion(self, item: str, circumstances: Mapping[str, str]) -> float:
-        """Return how much the bot agrees, in standard deviations of all bots. Of the order of its
-        drives, only planted effects depend.
+        """Return how much the bot agrees, in standard deviations of all bots. The order of its
+        drives matters only to planted effects.
         """
         about = sorted(f"{k}={v}" for k, v in circumstances.items() if k != DRIVE)
         noise = float(self._rng("opinion", item, *about).standard_normal())
