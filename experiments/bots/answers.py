@@ -33,58 +33,53 @@ def fill(
     # the reasons to decline belong to the question before
     asked = [one for one in form.fields.values() if not one.name.endswith("~")]
     for (_question, kind), fields in groupby(asked, lambda one: (one.question, one.question_type)):
-        answer = BY_QUESTION_TYPE.get(kind, _each)
-        sent += answer(list(fields), bot)
+        if kind in BY_QUESTION_TYPE:
+            sent += BY_QUESTION_TYPE[kind](list(fields), bot)
+        else:
+            sent += [pair for one in fields for pair in bot.answer(one)]
     return sent
 
 
 @dataclass(frozen=True)
 class Answering:
-    """A bot that fills in a form."""
+    """A bot that fills in a form, in the circumstances of its last drive."""
 
     persona: Persona
     circumstances: Mapping[str, str]
     now: datetime.datetime
 
     def answer(self, asked: FormField) -> Sent:
-        """Return what is sent for one field.
+        """Return the fields of the form that answer one question.
 
         Raises:
             UnknownControlError: CONTROLS has nothing for its kind.
         """
         if asked.kind not in CONTROLS:
-            raise UnknownControlError(
-                f"{asked.name} is a control of the unsupported kind {asked.kind!r}"
-            )
+            raise UnknownControlError(f"{asked.name} is of the unknown kind {asked.kind!r}")
         return [(asked.name, value) for value in CONTROLS[asked.kind](asked, self)]
-
-    def option(self, name: str, count: int) -> int:
-        return self.persona.option(name, count)
 
 
 def _one_of(asked: FormField, bot: Answering) -> list[str]:
-    """Choose a point of a scale by opinion, an option by chance: a scale's values are numbers, in
-    order.
-    """
+    """Choose a point of a scale (whose values are numbers) by opinion, any other at random."""
     values = [choice.value for choice in asked.choices if not choice.value.startswith("~")]
     if not values:
         return []
     if all(value.lstrip("-").isdigit() for value in values):
         values.sort(key=int)
         return [values[bot.persona.point(asked.name, len(values), bot.circumstances)]]
-    return [values[bot.option(asked.name, len(values))]]
+    return [values[bot.persona.option(asked.name, len(values))]]
 
 
 def _listed(asked: FormField, bot: Answering) -> list[str]:
     options = [choice.value for choice in asked.choices if choice.value]
-    return [options[bot.option(asked.name, len(options))]] if options else []
+    return [options[bot.persona.option(asked.name, len(options))]] if options else []
 
 
 def _some_of(asked: FormField, bot: Answering) -> list[str]:
     if len(asked.choices) == 1:  # a box to tick: "I agree"
         return [asked.choices[0].value]
-    first = asked.choices[bot.option(asked.name, len(asked.choices))]
-    second = asked.choices[bot.option(f"{asked.name}.second", len(asked.choices))]
+    first = asked.choices[bot.persona.option(asked.name, len(asked.choices))]
+    second = asked.choices[bot.persona.option(f"{asked.name}.second", len(asked.choices))]
     excludes = first.alone or second.alone or first == second
     is_one = excludes or bot.persona.explore is not None
     return [first.value] if is_one else [first.value, second.value]
@@ -111,7 +106,7 @@ def _day(asked: FormField, bot: Answering) -> list[str]:
     latest, earliest = asked.attributes.get("max"), asked.attributes.get("min")
     last = day(latest) if latest else bot.now.date()
     first = day(earliest) if earliest else last - datetime.timedelta(days=365)
-    days = bot.option(asked.name, (last - first).days + 1)
+    days = bot.persona.option(asked.name, (last - first).days + 1)
     return [(first + datetime.timedelta(days=days)).isoformat()]
 
 
@@ -135,10 +130,6 @@ CONTROLS: dict[str, Callable[[FormField, Answering], list[str]]] = {
 }
 
 
-def _each(fields: Sequence[FormField], bot: Answering) -> Sent:
-    return [pair for one in fields for pair in bot.answer(one)]
-
-
 def _in_order(fields: Sequence[FormField], bot: Answering) -> Sent:
     """Give each option of a ranking a place: values are a place and an option, "2.a"."""
     (asked,) = fields
@@ -146,7 +137,7 @@ def _in_order(fields: Sequence[FormField], bot: Answering) -> Sent:
     left = list(dict.fromkeys(option for _place, _point, option in sendable))
     answer = []
     for place in range(1, len(left) + 1):
-        option = left.pop(bot.option(f"{asked.name}.{place}", len(left)))
+        option = left.pop(bot.persona.option(f"{asked.name}.{place}", len(left)))
         answer.append((asked.name, f"{place}.{option}"))
     return answer
 

@@ -12,13 +12,10 @@ from dataclasses import dataclass
 
 from websockets.asyncio.client import ClientConnection, connect
 
-from experiments.bots.page import HtmlForm, HtmlPage
+from experiments.bots.page import Button, HtmlForm, HtmlPage
 
-TIMEOUT_S = 300.0  # a computer that has other work answers late
-WEBSOCKET_TIMEOUT_S = 30.0
-MAX_MESSAGE = 4 * 1024 * 1024
-TOO_MANY = 429
-ATTEMPTS = 12  # while the site answers that too many requests come at once
+TIMEOUT_S = 300.0  # a busy computer answers late
+ATTEMPTS = 12  # while the site answers that there are too many requests
 AGENT = "Mozilla/5.0 (X11; Linux x86_64) TelepresenceBot/1.0"
 
 
@@ -28,7 +25,7 @@ class BrowserError(Exception):
 
 @dataclass(frozen=True)
 class HttpAnswer:
-    """An answer: its address after all redirects, its status, and the page or else the body."""
+    """An answer: its address after all redirects, its status, its page if it is one, its body."""
 
     url: str
     status: int
@@ -41,11 +38,8 @@ class HttpAnswer:
 
 
 async def open_websocket(url: str, headers: Mapping[str, str]) -> ClientConnection:
-    """Open a WebSocket as a page does: without extensions, and without pings of its own.
-
-    Args:
-        url: its address, as http:// or https://.
-        headers: of the request.
+    """Open a WebSocket (address as http:// or https://) as a page does: without extensions, and
+    without pings of its own.
 
     Raises:
         WebSocketException: the server refuses it.
@@ -56,19 +50,16 @@ async def open_websocket(url: str, headers: Mapping[str, str]) -> ClientConnecti
         additional_headers=headers,
         user_agent_header=None,
         compression=None,
-        open_timeout=WEBSOCKET_TIMEOUT_S,
+        open_timeout=30.0,
         ping_interval=None,
-        max_size=MAX_MESSAGE,
+        max_size=4 * 1024 * 1024,
         proxy=None,
     )
 
 
 class Browser:
-    """One visitor's browser. Its requests block.
-
-    Args:
-        site: the site's address, such as http://127.0.0.1:8000.
-        agent: the User-Agent, by which studies count devices.
+    """One visitor's browser on a site such as http://127.0.0.1:8000. Its requests block. `agent` is
+    the User-Agent, by which studies count devices.
     """
 
     def __init__(self, site: str, agent: str = AGENT) -> None:
@@ -84,44 +75,34 @@ class Browser:
         ]
 
     async def websocket(self, path: str) -> ClientConnection:
-        """Open a WebSocket of the site; see `open_websocket`."""
         cookies = "; ".join(f"{cookie.name}={cookie.value}" for cookie in self.jar)
         headers = {"Cookie": cookies, "Origin": self.site, "User-Agent": self._agent}
         return await open_websocket(self.site + path, headers)
 
-    def get(self, address: str) -> HttpAnswer:
-        """Follow an address.
+    def send(
+        self,
+        here: HttpAnswer,
+        form: HtmlForm,
+        fields: Iterable[tuple[str, str]],
+        button: Button | None = None,
+    ) -> HttpAnswer:
+        """Send a form of the current page with one of its buttons, by default the first.
+
+        Raises:
+            BrowserError: as `open`.
+        """
+        pressed = button or next(iter(form.buttons), Button())
+        named = [(pressed.name, pressed.value)] if pressed.name else []
+        body = urllib.parse.urlencode([*form.hidden, *fields, *named]).encode()
+        return self.open(urllib.parse.urljoin(here.url, pressed.action or form.action), body)
+
+    def open(self, address: str, body: bytes | None = None) -> HttpAnswer:
+        """Follow an address, or send the body of a form to it.
 
         Raises:
             BrowserError: there is no answer, or it is an error of the server.
         """
-        return self._request(self._absolute(address))
-
-    def post(self, address: str, fields: Iterable[tuple[str, str]]) -> HttpAnswer:
-        """Send fields, in order, as a form does.
-
-        Raises:
-            BrowserError: as `get`.
-        """
-        return self._request(self._absolute(address), urllib.parse.urlencode(list(fields)).encode())
-
-    def send(
-        self, here: HttpAnswer, form: HtmlForm, fields: Iterable[tuple[str, str]], button: int = 0
-    ) -> HttpAnswer:
-        """Send a form of the current page with one of its buttons.
-
-        Raises:
-            BrowserError: as `get`.
-        """
-        pressed = form.buttons[button] if form.buttons else None
-        named = [(pressed.name, pressed.value)] if pressed is not None and pressed.name else []
-        address = (pressed.action if pressed is not None else "") or form.action
-        return self.post(urllib.parse.urljoin(here.url, address), [*form.hidden, *fields, *named])
-
-    def _absolute(self, address: str) -> str:
-        return urllib.parse.urljoin(f"{self.site}/", address)
-
-    def _request(self, url: str, body: bytes | None = None) -> HttpAnswer:
+        url = urllib.parse.urljoin(f"{self.site}/", address)
         headers = {} if body is None else {"Origin": self.site, "Referer": url}
         request = urllib.request.Request(url, body, headers)
         for attempt in range(1, ATTEMPTS + 1):
@@ -133,7 +114,7 @@ class Browser:
                     answer = _answer(error)
             except (OSError, http.client.HTTPException) as error:
                 raise BrowserError(f"{url} cannot be reached: {error}") from error
-            if answer.status != TOO_MANY:
+            if answer.status != http.client.TOO_MANY_REQUESTS:
                 break
             time.sleep(float(attempt))
         if answer.status >= http.client.INTERNAL_SERVER_ERROR:
@@ -144,6 +125,6 @@ class Browser:
 
 def _answer(response: urllib.response.addinfourl) -> HttpAnswer:
     body = response.read()
-    if response.headers.get_content_type() != "text/html":
-        return HttpAnswer(response.url, response.status or 0, HtmlPage(), body)
-    return HttpAnswer(response.url, response.status or 0, HtmlPage(body.decode(errors="replace")))
+    is_page = response.headers.get_content_type() == "text/html"
+    page = HtmlPage(body.decode(errors="replace") if is_page else "")
+    return HttpAnswer(response.url, response.status or 0, page, body)

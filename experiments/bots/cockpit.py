@@ -8,9 +8,11 @@ static/js does it, without WebRTC.
 
 import asyncio
 import contextlib
+import math
 import time
 import uuid
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, Self
 
 from websockets.asyncio.client import ClientConnection
@@ -19,7 +21,7 @@ from websockets.exceptions import ConnectionClosed
 from websockets.frames import CloseCode
 
 from experiments.bots.browser import Browser
-from experiments.bots.steering import STAND, SpeedSetting
+from experiments.bots.driver import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api.codec import encode_frame
 from robots.api.messages import (
@@ -34,44 +36,37 @@ from robots.api.messages import (
 )
 from sessions import protocol
 
-BEAT = 0.2
+# Seconds between two of the page's messages, which a loop of ticks sends.
 TICK = 0.1
-ZEROS = 3
-# Seconds between two images: new enough for full speed, and little work for a computer with many
-# bots.
-PICTURE_PERIOD = 0.25
-PICTURE_PATIENCE = 1.5
+BEAT = 0.2
 NETWORK_PERIOD = 1.0
+PICTURE_PERIOD = 0.25  # new enough for full speed, and little work for a computer with many bots
+PICTURE_PATIENCE = 1.5  # until the next image is requested though the last has not arrived
+ZEROS = 3  # velocities after the controller is released
 
 
+@dataclass(eq=False)
 class Cockpit:
-    """One connection to a robot. Use with `async with`.
-
-    Args:
-        browser: the visitor's.
-        address: the WebSocket's path, from the page's configuration.
-        method: the controller that is reported.
-        clock: Unix seconds.
+    """One connection of a visitor's browser to a robot. Use with `async with`. `address` is the
+    WebSocket's path, `method` the controller that is reported; `clock` gives Unix seconds.
     """
 
-    def __init__(
-        self,
-        browser: Browser,
-        address: str,
-        method: InputMethod,
-        clock: Callable[[], float] = time.time,
-    ) -> None:
-        self._browser, self._address, self._method, self._clock = browser, address, method, clock
-        self.view = View()
-        self.is_mute = False  # the page sends nothing by itself, as behind a firewall
-        self.closed: int | None = None  # the code with which the connection was closed
-        self._socket: ClientConnection | None = None
-        self._tasks: list[asyncio.Task[None]] = []
-        self._changed = asyncio.Event()
-        self._seq = self._beats = self._zeros = 0
-        self._speed = STAND
-        self._requested_at = float("-inf")
-        self._has_reported_first_frame = False
+    browser: Browser
+    address: str
+    method: InputMethod
+    clock: Callable[[], float] = time.time
+    view: View = field(default_factory=View)
+    is_mute: bool = False  # the page sends nothing by itself, as behind a firewall
+    closed: int | None = None  # the code with which the connection was closed
+    _socket: ClientConnection | None = None
+    _tasks: list[asyncio.Task[None]] = field(default_factory=list)
+    _changed: asyncio.Event = field(default_factory=asyncio.Event)
+    _seq: int = 0
+    _beats: int = 0
+    _zeros: int = 0
+    _speed: SpeedSetting = STAND
+    _sent_at: dict[str, float] = field(default_factory=dict)  # of messages with a period
+    _has_reported_first_frame: bool = False
 
     async def __aenter__(self) -> Self:
         await self.connect()
@@ -87,12 +82,9 @@ class Cockpit:
             WebSocketException: the server refuses it.
             OSError: the site cannot be reached.
         """
-        self._socket, self.closed = await self._browser.websocket(self._address), None
-        self._tasks = [
-            asyncio.create_task(self._listen(self._socket)),
-            asyncio.create_task(self._keep_beating()),
-            asyncio.create_task(self._keep_moving()),
-        ]
+        self._socket, self.closed = await self.browser.websocket(self.address), None
+        loops = (self._listen(self._socket), self._keep_sending())
+        self._tasks = [asyncio.create_task(loop) for loop in loops]
 
     async def close(self) -> None:
         await self._end_tasks()
@@ -129,9 +121,7 @@ class Cockpit:
     # --- what the visitor does --------------------------------------------------------------------
 
     def take(self, *, takeover: bool = False) -> None:
-        """Request the robot; `takeover` brings a session here that another page of the visitor
-        has.
-        """
+        """Request the robot; `takeover` moves the session of another page of the visitor here."""
         self.view.turn = False
         session = self.view.session if takeover else None
         self._send("session/take", protocol.Take(session=session, takeover=takeover))
@@ -151,26 +141,26 @@ class Cockpit:
         """Press the stop button, and release the controller."""
         self.steer(STAND)
         self._seq += 1
-        action = Stop(action_id=uuid.uuid4().hex, stamp=self._clock(), seq=self._seq)
-        self._send("command/action", action)
+        stop = Stop(action_id=uuid.uuid4().hex, stamp=self.clock(), seq=self._seq)
+        self._send("command/action", stop)
 
     def photo(self) -> str:
         """Request a photo and return the action's id."""
-        action = Photo(action_id=uuid.uuid4().hex, stamp=self._clock())
+        action = Photo(action_id=uuid.uuid4().hex, stamp=self.clock())
         self._send("command/action", action)
         return action.action_id
 
     def note(self, kind: str, **data: str | float | bool | None) -> None:
-        """Report an event of the page, which is recorded."""
-        self._send("page/event", protocol.PageEvent(stamp=self._clock(), type=kind, data=data))
+        """Report an event of the page for the record."""
+        self._send("page/event", protocol.PageEvent(stamp=self.clock(), type=kind, data=data))
 
     async def until(self, condition: Callable[[], Any], seconds: float) -> bool:
         """Wait until a condition holds, the time is over or the connection is closed; tell whether
         the condition holds.
         """
-        deadline = self._clock() + seconds
+        deadline = self.clock() + seconds
         while not condition():
-            left = deadline - self._clock()
+            left = deadline - self.clock()
             if left <= 0.0 or self.closed is not None:
                 return bool(condition())
             self._changed.clear()
@@ -183,7 +173,7 @@ class Cockpit:
     async def _listen(self, socket: ClientConnection) -> None:
         try:
             while True:
-                self.view.take(await socket.recv(), self._clock())
+                self.view.take(await socket.recv(), self.clock())
                 self._report_first_frame()
                 self._changed.set()
         except ConnectionClosed:
@@ -196,20 +186,36 @@ class Cockpit:
             self.note("layout", interface=self.view.interface, width=1280.0, height=800.0, bot=True)
             self.note("first_frame", way="server")
 
-    async def _keep_beating(self) -> None:
-        measured = float("-inf")
+    async def _keep_sending(self) -> None:
         while True:
-            now = self._clock()
-            if self._is_driving:
-                self._send("command/heartbeat", self._beat(now))
-                if now - measured >= NETWORK_PERIOD:
-                    measured = now
-                    self._send("page/network", self._network(now))
-            await asyncio.sleep(BEAT)
+            now, view = self.clock(), self.view
+            if view.granted and view.ended is None and not self.is_mute:
+                # half a tick early, as each tick is a little late
+                if self._is_due("command/heartbeat", now, BEAT - TICK / 2.0):
+                    self._send("command/heartbeat", self._beat(now))
+                if self._is_due("page/network", now, NETWORK_PERIOD):
+                    network = protocol.PageNetwork(
+                        stamp=now,
+                        way="mqtt",
+                        round_trip=view.round_trip,
+                        frame_age=self._frame_age(now),
+                        path="server/jpeg",
+                    )
+                    self._send("page/network", network)
+                patience = PICTURE_PATIENCE if view.awaiting_picture else PICTURE_PERIOD
+                if self._is_due("command/picture", now, patience):
+                    view.awaiting_picture = True
+                    request = PictureRequest(stamp=now, seen=view.frame, round_trip=view.round_trip)
+                    self._send("command/picture", request)
+                self._send_velocity(now)
+            await asyncio.sleep(TICK)
 
-    @property
-    def _is_driving(self) -> bool:
-        return self.view.granted and self.view.ended is None and not self.is_mute
+    def _is_due(self, suffix: str, now: float, period: float) -> bool:
+        """Tell whether a message with this period is due, and note that it is sent."""
+        is_due = now - self._sent_at.get(suffix, -math.inf) >= period
+        if is_due:
+            self._sent_at[suffix] = now
+        return is_due
 
     def _frame_age(self, now: float) -> float | None:
         return max(0.0, now - self.view.frame) if self.view.frame is not None else None
@@ -222,32 +228,6 @@ class Cockpit:
         self._beats += 1
         odd = 2 * self._beats + 1  # it is sent by the WebSocket
         return CommandHeartbeat(n=odd, stamp=now, echo=echo, frame_age=self._frame_age(now))
-
-    def _network(self, now: float) -> protocol.PageNetwork:
-        return protocol.PageNetwork(
-            stamp=now,
-            way="mqtt",
-            round_trip=self.view.round_trip,
-            frame_age=self._frame_age(now),
-            path="server/jpeg",
-        )
-
-    async def _keep_moving(self) -> None:
-        while True:
-            now = self._clock()
-            if self._is_driving:
-                self._request_picture(now)
-                self._send_velocity(now)
-            await asyncio.sleep(TICK)
-
-    def _request_picture(self, now: float) -> None:
-        waited = now - self._requested_at
-        if waited >= (PICTURE_PATIENCE if self.view.awaiting_picture else PICTURE_PERIOD):
-            self._requested_at, self.view.awaiting_picture = now, True
-            self._send(
-                "command/picture",
-                PictureRequest(stamp=now, seen=self.view.frame, round_trip=self.view.round_trip),
-            )
 
     def _send_velocity(self, now: float) -> None:
         if self._speed.is_zero:
@@ -263,7 +243,7 @@ class Cockpit:
             stamp=now,
             linear=self._speed.linear,
             angular=self._speed.angular,
-            method=self._method,
+            method=self.method,
             frame=self.view.frame,
         )
         self._send("command/velocity", command)

@@ -1,4 +1,4 @@
-"""Many bots, a few at a time: each comes when another has left, as people do over a month."""
+"""Many bots, a few at a time: each begins when another has finished."""
 
 import asyncio
 import contextlib
@@ -12,13 +12,14 @@ from experiments.bots.endings import Ending
 from experiments.bots.pace import Governor, Pace
 from experiments.bots.participant import BotParticipant
 from experiments.bots.persona import Effect, Persona
+from experiments.bots.view import View
 
 GOVERNED_EVERY = 0.5  # seconds of the quick clock
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Which bots play. `links` are paths, one a bot; each bot takes part `visits` times; `explore`
+    """Which bots take part: `links` are paths, one a bot; each takes part `visits` times; `explore`
     makes each of them answer differently, to open every branch.
     """
 
@@ -44,7 +45,7 @@ class BotGroup:
     _active: set[BotParticipant] = field(default_factory=set)
 
     async def run(self) -> list[Diary]:
-        """Let all of them take part, and return their diaries in order."""
+        """Return the diaries of all bots, in order."""
         places = asyncio.Semaphore(self.plan.at_once)
         bots = [self._run_one(number, places) for number in range(len(self.plan.links))]
         if self.pace is None:
@@ -80,18 +81,24 @@ class BotGroup:
             began = time.monotonic()
             await asyncio.sleep(GOVERNED_EVERY)
             lag = max(0.0, time.monotonic() - began - GOVERNED_EVERY)
-            pace.set(governor.decide(self._round_trips(), lag))
+            ages = [view.image_age for view in self._views() if view.image_age is not None]
+            pace.set(governor.decide(self._round_trips(), lag, ages))
 
     def _round_trips(self) -> list[float]:
         """Return the round trip of each bot that drives, or how long the robot's next heartbeat is
-        overdue when that is more. A bot without a connection receives none, which is no lateness.
+        overdue when that is more.
         """
         now = self.clock()
-        drives = [bot.drive for bot in self._active if bot.drive is not None]
-        views = [drive.view for drive in drives if drive.cockpit.is_open]
         return [
             max(view.round_trip, now - view.beat[2] - BEAT)
-            for view in views
-            if view.granted and view.ended is None
+            for view in self._views()
             if view.round_trip is not None and view.beat is not None
         ]
+
+    def _views(self) -> list[View]:
+        """Return the views of the bots that drive. A bot without a connection receives nothing,
+        which does not show that the computer is late.
+        """
+        drives = [bot.drive for bot in self._active if bot.drive is not None]
+        views = [drive.view for drive in drives if drive.cockpit.is_open]
+        return [view for view in views if view.granted and view.ended is None]

@@ -8,6 +8,7 @@ import json
 import time
 import uuid
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any
 
 from websockets.exceptions import WebSocketException
@@ -15,76 +16,71 @@ from websockets.exceptions import WebSocketException
 from experiments.bots.browser import Browser, BrowserError
 from experiments.bots.cockpit import Cockpit
 from experiments.bots.diary import Leg
-from experiments.bots.driver import Driver, Guide, Intent
+from experiments.bots.driver import STAND, Driver, Guide, Intent, SpeedSetting
 from experiments.bots.endings import LEAVES_AT_ONCE, Ending
 from experiments.bots.persona import DRIVE, Persona
-from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api import floorplan
 from robots.api.geometry import Pose2D
 from robots.api.messages import ENDED
 
+# Seconds.
 TICK = 0.1
 WAIT_FOR_ROBOT = 3600.0
 WAIT_FOR_PICTURE = 40.0
 ASK_AGAIN = 15.0
-SURPRISE = 2.0
-SETTLED = 60.0  # seconds after which the place of a bot that saw nothing has been given up
-WATCHES = 5.0  # seconds of a bot that never moves the robot
-DRIVES = 10.0  # seconds of a bot that then lets the time run out
-OVER = 3600.0  # seconds that no drive takes
+SURPRISE = 2.0  # before a bot that pressed stop drives on
+SETTLED = 60.0  # after which the place of a bot that saw nothing has been given up
+WATCHES = 5.0  # of a bot that never moves the robot
+PRACTISES = 20.0
+DRIVES = 10.0  # of a bot that then lets the time run out
+LONGEST_DRIVE = 3600.0
 SLOWEST_END = 30.0
-AWAY = 6.0  # seconds without a network, well within the grace period
+AWAY = 6.0  # without a network, well within the grace period
 AWAY_TOO_LONG = 150.0  # beyond the grace period of a study, which is two minutes
-NO_CONNECTION = 90.0  # seconds in which a session that gets no connection is ended
+NO_CONNECTION = 90.0  # in which a session that gets no connection is ended
 CONTROLLERS = ("keyboard", "mouse", "touch", "stick", "gamepad")
 ASKS_AGAIN_AFTER = frozenset({"offline", "paused", "closed"})  # reasons of a refusal
 
 
+@dataclass(eq=False)
 class BotDrive:
-    """One session.
-
-    Args:
-        browser: the bot's.
-        config: of the page (sessions.views.page_config, and under `study`
-            experiments.participation.drive_config).
-        persona: who drives.
-        ending: how it ends.
-        clock: Unix seconds.
-        number: which of the bot's drives it is, from 1.
+    """One session, the bot's drive of this `number` (from 1). `config` is that of the page
+    (sessions.views.page_config, and under `study` experiments.participation.drive_config); `clock`
+    gives Unix seconds.
     """
 
-    def __init__(
-        self,
-        browser: Browser,
-        config: dict[str, Any],
-        persona: Persona,
-        ending: Ending,
-        clock: Callable[[], float] = time.time,
-        number: int = 1,
-    ) -> None:
-        self.browser, self.config, self.persona = browser, config, persona
-        self.ending, self.clock, self.number = ending, clock, number
-        self.study: dict[str, Any] = config.get("study", {})
+    browser: Browser
+    config: dict[str, Any]
+    persona: Persona
+    ending: Ending
+    clock: Callable[[], float] = time.time
+    number: int = 1
+    leg: Leg = field(default_factory=Leg)
+    _photo: str | None = None
+    _discarded: str | None = None  # the photo that is not kept
+    _answered: tuple[str | None, float] = (None, 0.0)  # a photo, and when
+    _began: float | None = None
+    _has_happened: bool = False  # what the ending demands midway
+
+    def __post_init__(self) -> None:
+        self.study: dict[str, Any] = self.config.get("study", {})
+        self._is_practice = self.study.get("kind") == "practice"
         # a hidden operator drives, and the page has no controllers
         self._is_driven = self.study.get("controllers") == []
-        sheet = config.get("factsheet") or {}
-        self.limits, self.series = sheet.get("limits", {}), sheet.get("series", config["robot"])
+        sheet = self.config.get("factsheet") or {}
+        self.limits, self.series = (
+            sheet.get("limits", {}),
+            sheet.get("series", self.config["robot"]),
+        )
         laser = sheet.get("laser") or {}
         self._laser = Pose2D(laser.get("x", 0.0), laser.get("y", 0.0), laser.get("theta", 0.0))
         self.cockpit = self._page()
-        self.leg = Leg()
-        self._photo: str | None = None
-        self._answered: str | None = None
-        self._answered_at = 0.0
-        self._began: float | None = None
-        self._has_happened = False
-        self._discarded: str | None = None  # the photo that is not kept
 
     def _page(self) -> Cockpit:
         """Return a page that was just opened."""
-        allowed, wanted = self.study.get("controllers") or CONTROLLERS, self.persona.method
-        choices = (wanted, *CONTROLLERS, "keyboard")
+        allowed = self.study.get("controllers") or CONTROLLERS
+        choices = (self.persona.method, *CONTROLLERS)
         method = next((one for one in choices if one in allowed), "keyboard")
         page = Cockpit(self.browser, self.config["socket"], method, self.clock)  # type: ignore[arg-type]
         page.view.laser = self._laser
@@ -96,31 +92,37 @@ class BotDrive:
         return self.cockpit.view
 
     async def run(self) -> Leg:
+        leg = self.leg
         try:
             driver = await self._prepare()
             await self.cockpit.connect()
             if await self._wait_for_turn():
                 driver.fastest = self._fastest()
                 await self._drive(driver)
-                self.leg.closed, self.leg.no_way = tuple(sorted(driver.closed)), driver.no_way
+                leg.closed, leg.no_way = tuple(sorted(driver.closed)), driver.no_way
         except (WebSocketException, OSError, BrowserError) as error:
-            self.leg.reason = f"connection: {error}"
+            leg.reason = f"connection: {error}"
         finally:
             with contextlib.suppress(WebSocketException, OSError):
                 await self.cockpit.close()
-        return self._log()
+        view, leg.circumstances = self.view, self._circumstances()
+        leg.session, leg.seconds = view.session or "", self._seconds_driven()
+        leg.passed, leg.doors = tuple(view.task.passed), tuple(view.task.doors)
+        leg.outcome = view.task.outcome or (view.ended.outcome if view.ended is not None else "")
+        leg.reason = leg.reason or (view.ended.reason if view.ended is not None else "")
+        leg.refused, leg.pictures, leg.round_trip = dict(view.denied), view.frames, view.round_trip
+        return leg
 
     async def _prepare(self) -> Driver:
-        answer = await asyncio.to_thread(self.browser.get, self.config["floorplan"])
+        answer = await asyncio.to_thread(self.browser.open, self.config["floorplan"])
         plan = floorplan.decode(json.dumps(json.loads(answer.body)["plan"]))
-        is_practice = self.study.get("kind") == "practice"
         return Driver(
             plan,
             Guide.of(self.study, plan, self.series),
             self._fastest(),
             skips_photo=self.ending == Ending.SKIPS_PHOTO,
-            practises=is_practice,
-            docks_early=self.ending == Ending.DOCKS_EARLY and not is_practice,
+            practises=self._is_practice,
+            docks_early=self.ending == Ending.DOCKS_EARLY and not self._is_practice,
         )
 
     def _fastest(self) -> SpeedSetting:
@@ -134,15 +136,14 @@ class BotDrive:
         page; and which of the bot's drives it is. A page that was made before the first grant does
         not know the condition yet: the terms of the grant do.
         """
-        seen = max(self.view.assists - {"off"}, default="off")
+        view, study = self.view, self.study
+        seen = max(view.assists - {"off"}, default="off")
         return {
             "robot": str(self.series),
-            "assist": str(self.view.assist or self.study.get("assist") or seen),
-            "interface": str(self.view.interface or self.study.get("interface") or ""),
+            "assist": str(view.assist or study.get("assist") or seen),
+            "interface": str(view.interface or study.get("interface") or ""),
             DRIVE: str(self.number),
         }
-
-    # --- the queue --------------------------------------------------------------------------------
 
     async def _wait_for_turn(self) -> bool:
         began, view = self.clock(), self.view
@@ -188,11 +189,11 @@ class BotDrive:
             return
         self._began = self.clock()
         minutes = float(self.study.get("minutes") or 15.0)
-        limit = self._began + min(OVER, 60.0 * minutes + SLOWEST_END)
+        limit = self._began + min(LONGEST_DRIVE, 60.0 * minutes + SLOWEST_END)
         while self.view.ended is None and self.clock() < limit:
             if self.cockpit.closed is not None:
                 await self.cockpit.come_back()
-            if await self._ends_its_own_way():
+            if await self._act_out_ending():
                 return
             self._do(driver.decide(self.view, self.clock()), driver)
             await asyncio.sleep(TICK)
@@ -201,7 +202,10 @@ class BotDrive:
             await self._leave()
 
     def _do(self, intent: Intent, driver: Driver) -> None:
-        self._note_cue()
+        cue = self.view.task.cue
+        if cue and self.leg.cues[-1:] != [cue]:
+            self.leg.cues.append(cue)
+            self.cockpit.note("cue_shown", cue=cue)
         self.cockpit.steer(self._with_pauses(intent.speed))
         if intent.take and self._photo is None:
             self._photo = self.cockpit.photo()
@@ -215,10 +219,10 @@ class BotDrive:
     def _answer(self, choice: str, driver: Driver) -> None:
         """Answer once about each photo; to skip needs none."""
         about = self.view.task.photo or self._photo or ("" if choice == "skip" else None)
-        is_recent = self.clock() - self._answered_at < ASK_AGAIN
-        if about is None or (about == self._answered and is_recent):
+        before, at = self._answered
+        if about is None or (about == before and self.clock() - at < ASK_AGAIN):
             return
-        self._answered, self._answered_at = about, self.clock()
+        self._answered = (about, self.clock())
         again = self.ending == Ending.TAKES_PHOTO_AGAIN and self._discarded in {None, about}
         if again and choice == "keep":
             choice, self._discarded, self._photo = "again", about, None
@@ -237,17 +241,11 @@ class BotDrive:
     def _seconds_driven(self) -> float:
         return self.clock() - self._began if self._began is not None else 0.0
 
-    def _note_cue(self) -> None:
-        cue = self.view.task.cue
-        if cue and self.leg.cues[-1:] != [cue]:
-            self.leg.cues.append(cue)
-            self.cockpit.note("cue_shown", cue=cue)
-
     # --- endings ----------------------------------------------------------------------------------
 
-    async def _ends_its_own_way(self) -> bool:
+    async def _act_out_ending(self) -> bool:
         """Do what the ending demands once it is due; True when the session is over for the bot."""
-        if self.study.get("kind") == "practice" and self._seconds_driven() > 20.0:
+        if self._is_practice and self._seconds_driven() > PRACTISES:
             await self._leave()
             return True
         checkpoints = len(self.study.get("checkpoints", ()))
@@ -281,8 +279,8 @@ class BotDrive:
             await self._open_another_page(self.cockpit)
 
     async def _open_another_page(self, old: Cockpit) -> None:
-        """Continue the session on a page that knows only which session it is: the same page loaded
-        again, or a second one beside it.
+        """Continue the session on the page loaded again, or on a second one beside it, which knows
+        only the session's id.
         """
         new = self._page()
         new.view.session = old.view.session
@@ -297,14 +295,3 @@ class BotDrive:
     async def _leave(self) -> None:
         self.cockpit.leave()
         await self.cockpit.until(lambda: self.view.ended, SLOWEST_END)
-
-    def _log(self) -> Leg:
-        view, leg = self.view, self.leg
-        leg.session = view.session or ""
-        leg.seconds = self._seconds_driven()
-        leg.passed, leg.doors = tuple(view.task.passed), tuple(view.task.doors)
-        leg.outcome = view.task.outcome or (view.ended.outcome if view.ended is not None else "")
-        leg.reason = leg.reason or (view.ended.reason if view.ended is not None else "")
-        leg.refused, leg.pictures, leg.round_trip = dict(view.denied), view.frames, view.round_trip
-        leg.circumstances = self._circumstances()
-        return leg

@@ -59,8 +59,7 @@ USUAL: dict[Ending, float] = {
 
 def draw(count: int, rng: np.random.Generator) -> list[Ending]:
     """Return the endings of `count` bots, in the shares of people."""
-    names = list(USUAL)
-    shares = np.array([USUAL[name] for name in names])
+    names, shares = list(USUAL), np.array(list(USUAL.values()))
     return [names[index] for index in rng.choice(len(names), size=count, p=shares / shares.sum())]
 
 

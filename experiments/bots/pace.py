@@ -3,7 +3,8 @@ governor that slows it down when the computer is late.
 
 A computer that is overloaded delivers late, and at ten times the pace ten times as late: commands
 would be refused as stale that are not. So the pace follows what drivers notice, the round trip to
-the robot: never faster than requested, slower than real time where the computer cannot do more.
+the robot and the age of images: never faster than requested, slower than real time where the
+computer cannot do more.
 """
 
 import mmap
@@ -22,17 +23,17 @@ FOLDER = Path(__file__).resolve().parent / "fast_time"
 # to here no drive notices.
 LATE = 0.16
 PROMPT = 0.10
+# Seconds that an image may get old before time goes slower, but not slower than real time: half
+# of the age limit, from which on the kernel lowers the speed. A quiet computer's get 0.36 s old.
+OLD = 0.5
 SLOWER, FASTER = 0.8, 1.03
 SLOWEST = 0.2  # beside other work, a study takes longer
 
 
 class Pace:
-    """Writes the file of the pace; one process at a time.
-
-    Args:
-        path: the file; created, at real time, unless it exists.
-        real: the computer's own monotonic clock, whatever time.monotonic is in this process.
-        unix: its Unix clock, for a new file.
+    """Writes the file of the pace, which is created at real time unless it exists; only one process
+    may write. `real` is the computer's own monotonic clock, whatever time.monotonic is in this
+    process; `unix` its Unix clock, for a new file.
     """
 
     def __init__(
@@ -50,12 +51,6 @@ class Pace:
         if is_new:
             now = real()
             self._write(0, (now, now, unix(), 1.0))
-
-    @property
-    def rate(self) -> float:
-        """How many times faster than real time."""
-        rate: float = SLOT.unpack_from(self._bytes, SLOTS[self._bytes[0]])[3]
-        return rate
 
     def set(self, rate: float) -> None:
         """Change the pace from now on; no clock jumps."""
@@ -87,19 +82,22 @@ class Governor:
     most: float
     rate: float = 1.0
 
-    def decide(self, trips: Iterable[float], lag: float = 0.0) -> float:
+    def decide(self, trips: Iterable[float], lag: float = 0.0, ages: Iterable[float] = ()) -> float:
         """Return the pace for the next interval.
 
         Args:
             trips: the latest round trips of the drives, in seconds of the quick clock. Without any,
                 nothing shows that more than real time would do no harm, so the next drive begins at
                 the pace that was good for the last one.
-            lag: how late this process was itself.
+            lag: how late this process was itself, in seconds.
+            ages: how old the drives' images get, in seconds of the quick clock.
         """
         seen = list(trips)
         latest = max([*seen, lag])
         if latest > LATE:
             self.rate = max(SLOWEST, self.rate * SLOWER)
+        elif self.rate >= 1.0 and max(ages, default=0.0) > OLD:
+            self.rate = max(1.0, self.rate * SLOWER)
         elif latest < PROMPT:
             self.rate = max(self.rate, min(self.most if seen else 1.0, self.rate * FASTER))
         return self.rate

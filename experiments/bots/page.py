@@ -1,5 +1,5 @@
 """A page as a bot reads it: its words, links, forms and the JSON that it gives to its modules. No
-browser, no scripts.
+scripts run.
 """
 
 import json
@@ -13,15 +13,14 @@ from xml.etree.ElementTree import Element, TreeBuilder
 VOID = frozenset(  # elements without an end tag
     "area base br col embed hr img input link meta source track wbr".split()  # noqa: SIM905
 )
-TYPES = {"input": "text", "button": "submit"}  # of a control that does not say its own
+DEFAULT_KIND = {"input": "text", "button": "submit"}  # of a control without a type
 NOT_SHOWN = frozenset({"script", "style", "template"})
 PRIMARY = "button--action"  # the class by which the site marks what most people do next
-SUBMITS = frozenset({"submit", "image"})
 
 
 @dataclass(frozen=True)
 class FormChoice:
-    """A radio button, a box to tick or an option of a list; one that is `alone` excludes others."""
+    """A radio button, checkbox or option of a list; one that is `alone` excludes others."""
 
     value: str
     label: str
@@ -46,7 +45,7 @@ class FormField:
 
 @dataclass(frozen=True)
 class Button:
-    """What sends a form; `action` is an address of its own."""
+    """What sends a form; `action` is its own address, empty for that of the form."""
 
     is_primary: bool = False
     name: str = ""
@@ -56,19 +55,17 @@ class Button:
 
 @dataclass
 class HtmlForm:
-    """A form; `hidden` are the fields that it sends by itself."""
+    """A form; `hidden` are the names and values of its hidden inputs."""
 
     id: str
     action: str
-    method: str
-    in_main: bool
     hidden: list[tuple[str, str]] = field(default_factory=list)
     fields: dict[str, FormField] = field(default_factory=dict)
     buttons: list[Button] = field(default_factory=list)
 
 
 class _TreeParser(HTMLParser):
-    """Builds the elements. An end tag closes what is still open inside its element."""
+    """Builds the elements. An end tag also closes the elements that are still open inside."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -99,16 +96,23 @@ class _TreeParser(HTMLParser):
 
 
 class HtmlPage:
-    """A page. A control's label is the `<label for>` of its id, else the legend around it."""
+    """A page. A control's label is the `<label for>` of its id, else the legend around it.
+
+    Attributes:
+        forms: those of the main part that are sent by POST.
+        json: the blocks of `json_script`, by their ids.
+    """
 
     def __init__(self, html: str = "") -> None:
         parser = _TreeParser()
         parser.feed(html)
         self._root = parser.root()
+        main = self._root.find(".//main")
+        self._main = Element("main") if main is None else main
         self._around = {inner: outer for outer in self._root.iter() for inner in outer}
         self._labels = {one.get("for", ""): _text(one) for one in self._root.iter("label")}
-        self.forms = [self._form(one) for one in self._root.iter("form")]
-        # the blocks of `json_script`, by their ids
+        posted = (one for one in self._main.iter("form") if one.get("method", "").lower() == "post")
+        self.forms = [self._form(one) for one in posted]
         self.json: dict[str, Any] = {
             one.attrib["id"]: json.loads("".join(one.itertext()))
             for one in self._root.iter("script")
@@ -117,7 +121,7 @@ class HtmlPage:
 
     @property
     def title(self) -> str:
-        return " ".join(_text(one) for one in self._root.iter("title"))
+        return _words(self._root.findtext(".//title", ""))
 
     @property
     def headings(self) -> list[str]:
@@ -135,7 +139,7 @@ class HtmlPage:
     @cached_property
     def text(self) -> str:
         """The words of the main part."""
-        return _words(word for main in self._root.iter("main") for word in _shown(main))
+        return _words("".join(_shown(self._main)))
 
     @property
     def links(self) -> list[str]:
@@ -145,41 +149,28 @@ class HtmlPage:
     @property
     def next_link(self) -> str | None:
         """The address of the link that most people follow next."""
-        found = (
-            one.get("href", "")
-            for one in self._root.iter("a")
-            if PRIMARY in _classes(one) and self._in_main(one)
-        )
-        return next(found, None)
+        found = (one for one in self._main.iter("a") if PRIMARY in _classes(one))
+        return next((one.get("href", "") for one in found), None)
 
     def text_of(self, identity: str) -> str:
         """Return the text of the element of the main part with an id; "" without one."""
-        found = (one for one in self._root.iter() if one.get("id") == identity)
-        return next((_text(one) for one in found if self._in_main(one)), "")
-
-    def next_form(self) -> tuple[HtmlForm, int] | None:
-        """Return the form that most people send next, and the number of the button for it."""
-        return self._form_with(lambda button: button.is_primary)
-
-    def button(self, value: str) -> tuple[HtmlForm, int] | None:
-        """Return the form with a button of this value, and the number of that button."""
-        return self._form_with(lambda button: button.value == value)
-
-    def _form_with(self, is_wanted: Callable[[Button], bool]) -> tuple[HtmlForm, int] | None:
-        found = (
-            (form, number)
-            for form in self.main_forms()
-            for number, button in enumerate(form.buttons)
-            if is_wanted(button)
-        )
-        return next(found, None)
+        found = self._main.find(f".//*[@id='{identity}']")
+        return "" if found is None else _text(found)
 
     def form(self, form_id: str) -> HtmlForm | None:
         return next((form for form in self.forms if form.id == form_id), None)
 
-    def main_forms(self) -> list[HtmlForm]:
-        """Return the forms that are sent by POST from the main part of the page."""
-        return [form for form in self.forms if form.in_main and form.method == "post"]
+    def next_form(self) -> tuple[HtmlForm, Button] | None:
+        """Return the form that most people send next, and the button for it."""
+        return self._form_with(lambda button: button.is_primary)
+
+    def button(self, value: str) -> tuple[HtmlForm, Button] | None:
+        """Return the form with a button of this value, and that button."""
+        return self._form_with(lambda button: button.value == value)
+
+    def _form_with(self, is_wanted: Callable[[Button], bool]) -> tuple[HtmlForm, Button] | None:
+        buttons = ((form, button) for form in self.forms for button in form.buttons)
+        return next((found for found in buttons if is_wanted(found[1])), None)
 
     # --- reading ----------------------------------------------------------------------------------
 
@@ -189,24 +180,19 @@ class HtmlPage:
                 yield one
 
     def _form(self, element: Element) -> HtmlForm:
-        form = HtmlForm(
-            element.get("id", ""),
-            element.get("action", ""),
-            element.get("method", "get").lower(),
-            self._in_main(element),
-        )
+        form = HtmlForm(element.get("id", ""), element.get("action", ""))
         for control in element.iter():
             if control.tag in {"input", "select", "textarea", "button"}:
                 self._add(form, control)
         return form
 
     def _add(self, form: HtmlForm, control: Element) -> None:
-        kind = control.get("type", TYPES[control.tag]) if control.tag in TYPES else control.tag
-        name, value = control.get("name"), control.get("value", "")
-        if kind in SUBMITS:
+        kind = control.get("type") or DEFAULT_KIND.get(control.tag, control.tag)
+        name, value = control.get("name", ""), control.get("value", "")
+        if kind in {"submit", "image"}:
             address = control.get("formaction", "")
-            form.buttons.append(Button(PRIMARY in _classes(control), name or "", value, address))
-        elif name is None or control.tag == "button" or self._is_disabled(control):
+            form.buttons.append(Button(PRIMARY in _classes(control), name, value, address))
+        elif not name or control.tag == "button" or self._is_disabled(control):
             return
         elif kind == "hidden":
             form.hidden.append((name, value))
@@ -247,9 +233,6 @@ class HtmlPage:
         around = self._lineage(element)
         return next((one.attrib[attribute] for one in around if attribute in one.attrib), "")
 
-    def _in_main(self, element: Element) -> bool:
-        return any(one.tag == "main" for one in self._lineage(element))
-
     def _is_disabled(self, control: Element) -> bool:
         return "disabled" in control.attrib or any(
             one.tag == "fieldset" and "disabled" in one.attrib for one in self._lineage(control)
@@ -261,15 +244,15 @@ def _classes(element: Element) -> list[str]:
 
 
 def _text(element: Element) -> str:
-    return _words(element.itertext())
+    return _words("".join(element.itertext()))
 
 
-def _words(parts: Iterator[str]) -> str:
-    return " ".join("".join(parts).split())
+def _words(text: str) -> str:
+    return " ".join(text.split())
 
 
 def _shown(element: Element) -> Iterator[str]:
-    """Yield the words that a reader sees; those of two elements are never one."""
+    """Yield the text that a reader sees, with a space after each element."""
     if element.tag not in NOT_SHOWN and "hidden" not in element.attrib:
         yield element.text or ""
         for inner in element:

@@ -12,6 +12,7 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
@@ -90,17 +91,17 @@ class Persona:
         self.method = "touch" if "Mobile" in self.agent else ("keyboard", "mouse")[rng.integers(2)]
         self._pace = min(max(0.85 + 0.1 * float(rng.standard_normal()), 0.6), 1.0)
 
-    def _rng(self, *about: str | int) -> np.random.Generator:
-        """Return the generator of one matter: earlier questions do not change it, so that a page
-        that is shown twice gets the same answers.
+    def _rng(self, *about: str) -> np.random.Generator:
+        """Return the generator for one subject. It does not depend on earlier questions, so that a
+        page that is shown twice gets the same answers.
         """
-        text = "\x1f".join(str(part) for part in about).encode()
-        words = (*_words(self.seed), *_words(self.number), *text)
-        return np.random.default_rng(np.array(words, dtype=np.uint32))
+        text = np.frombuffer("\x1f".join(about).encode(), np.uint8).astype(np.uint32)
+        words: list[Any] = [self.seed, self.number, text]
+        return np.random.default_rng(words)
 
     def opinion(self, item: str, circumstances: Mapping[str, str]) -> float:
         """Return how much the bot agrees, in standard deviations of all bots. The order of its
-        drives changes nothing but what is planted on it.
+        drives matters only to planted effects.
         """
         about = sorted(f"{k}={v}" for k, v in circumstances.items() if k != DRIVE)
         noise = float(self._rng("opinion", item, *about).standard_normal())
@@ -108,8 +109,8 @@ class Persona:
         return own + self._shift(item, circumstances)
 
     def point(self, item: str, count: int, circumstances: Mapping[str, str]) -> int:
-        """Return which of `count` ordered points is chosen: 0 is the lowest. Without effects each
-        is as likely as any other.
+        """Return the chosen one of `count` ordered points: 0 is the lowest. Without effects, all
+        are equally likely.
         """
         if self.explore is not None:
             return self.explore % count
@@ -131,11 +132,3 @@ class Persona:
     def _shift(self, item: str, circumstances: Mapping[str, str]) -> float:
         effects = (one for one in self.effects if one.item == item and one.holds(circumstances))
         return sum(one.size for one in effects)
-
-
-def _words(number: int) -> list[int]:
-    """Return a number in words of 32 bits, the least first: what NumPy's seeds do, but faster."""
-    found = [number & 0xFFFFFFFF]
-    while number := number >> 32:
-        found.append(number & 0xFFFFFFFF)
-    return found

@@ -10,7 +10,7 @@ import msgspec
 import numpy as np
 from scipy import ndimage
 
-from robots.api.floorplan import FloorPlan, Wall
+from robots.api.floorplan import Door, FloorPlan, Wall
 from robots.api.messages import Point
 from robots.world.cell_graph import CellGraph
 from robots.world.render_plan import rasterise
@@ -84,7 +84,7 @@ class RouteGrid:
         away = np.hypot(graph.rows + 0.5 - row, graph.columns + 0.5 - column)
         return int(np.argmin(away))
 
-    def door_on(self, route: Sequence[Point], within: float) -> str | None:
+    def door_on(self, route: Sequence[Point], within: float) -> Door | None:
         """Return the first open door that a route reaches within so many metres of driving; None
         when there is none.
         """
@@ -97,5 +97,5 @@ class RouteGrid:
                 middle = ((door.start[0] + door.end[0]) / 2.0, (door.start[1] + door.end[1]) / 2.0)
                 near = math.dist(middle, after) < math.dist(door.start, door.end) / 2.0
                 if near and door.name not in self.closed:
-                    return door.name
+                    return door
         return None

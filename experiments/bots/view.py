@@ -1,5 +1,6 @@
 """What a bot that drives knows: what the server and the robot have sent to its page."""
 
+import contextlib
 import math
 import statistics
 from collections import Counter, deque
@@ -16,15 +17,15 @@ from robots.api.messages import ActionStatus, Heartbeat, PoseUpdate, Scan, State
 from robots.api.messages import Pose as RobotPose
 from sessions import protocol
 
-TRIPS = 7
+RECENT = 7  # measurements of which the median is taken
 AT_CENTRE = Pose2D(0.0, 0.0, 0.0)
 NO_TASK = protocol.Task(session="none", stamp=0.0)
 
 
 @dataclass
 class View:
-    """The newest of everything. Times are Unix seconds of this computer, but for `frame`, which is
-    the robot's.
+    """The newest of everything. Times are Unix seconds of this computer, but for `frame`, the stamp
+    of the newest image, which is the robot's.
     """
 
     session: str | None = None
@@ -53,20 +54,22 @@ class View:
     denied: Counter[str] = field(default_factory=Counter)
     assists: set[str] = field(default_factory=set)
     beat: tuple[int, float, float] | None = None  # the robot's newest: n, stamp, when it arrived
-    trips: deque[float] = field(default_factory=lambda: deque(maxlen=TRIPS))
+    trips: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
+    ages: deque[float] = field(default_factory=lambda: deque(maxlen=RECENT))
 
     def take(self, frame: str | bytes, now: float) -> None:
         """Take a frame of the WebSocket; one that bots do not read is ignored."""
-        try:
-            suffix, message = _read(frame)
-        except (Rejection, msgspec.DecodeError):
-            return
-        self._take(suffix, message, now)
+        with contextlib.suppress(Rejection, msgspec.DecodeError):
+            self._take(*_read(frame), now)
 
     def _take(self, suffix: str, message: Any, now: float) -> None:  # noqa: C901, PLR0912 -- a table
         match message:
             case State():
-                self._take_state(message)
+                self._take_pose(message.pose)
+                self.state, self.docked, contact = message, message.docked, message.charger_contact
+                self.contact = message.docked if contact is None else contact
+                if message.session == self.session:
+                    self.assists.add(message.assist)
             case PoseUpdate():
                 self._take_pose(message.pose)
             case Scan():
@@ -93,14 +96,9 @@ class View:
             case protocol.Denied():
                 self.denied[message.reason] += 1
             case (stamp, _jpeg) if suffix == pictures.SUFFIX:
+                if self.frame is not None:
+                    self.ages.append(now - self.frame)
                 self.frame, self.frames, self.awaiting_picture = stamp, self.frames + 1, False
-
-    def _take_state(self, state: State) -> None:
-        self._take_pose(state.pose)
-        self.state, self.docked = state, state.docked
-        self.contact = state.docked if state.charger_contact is None else state.charger_contact
-        if state.session == self.session:
-            self.assists.add(state.assist)
 
     def _take_pose(self, pose: RobotPose) -> None:
         self.pose, self.localized = Pose2D(pose.x, pose.y, pose.theta), pose.localized
@@ -116,6 +114,11 @@ class View:
     def round_trip(self) -> float | None:
         """The median of the last round trips to the robot, in seconds; None before the first."""
         return statistics.median(self.trips) if self.trips else None
+
+    @property
+    def image_age(self) -> float | None:
+        """How old an image gets until the next one arrives, in seconds; None before the second."""
+        return statistics.median(self.ages) if self.ages else None
 
     def points(self) -> list[tuple[float, float]]:
         """Return the points of the last sweep of the laser, in metres on the map."""

@@ -1,14 +1,11 @@
 """Lets time pass faster in a whole system of Python processes: every wait is shorter, and every
 clock ahead by the same.
 
-Python imports a module of this name at its start. So a process whose PYTHONPATH begins with this
-folder, and whose environment names a file of the pace, has its clocks and waits changed before
-anything else is loaded, and so have its children. At five times the pace a wait of a second takes a
-fifth of one, and all processes of one computer agree on the time, because they read the same few
-bytes. experiments/bots/pace.py writes them, and may change the pace at any time.
-
-Waits in C are not changed: time-outs of sockets and of SQLite, and a broker in C. All of these are
-upper limits.
+Python imports a module of this name when it starts. A process whose PYTHONPATH begins with this
+folder, and whose environment names a file of the pace, therefore has other clocks and waits before
+anything else is loaded, and so have its children. All processes agree on the time because they read
+the same few bytes, which experiments/bots/pace.py writes and may change at any time. Waits in C do
+not change (time-outs of sockets and of SQLite, a broker in C): all of these are upper limits.
 """
 
 import math
@@ -86,11 +83,8 @@ def _threads(clocks: Clocks) -> None:
         join(self, None if timeout is None else clocks.shorter(timeout))
 
     changed: Any = threading
-    changed.Condition.wait, changed.Thread.join, changed._time = (
-        quick_wait,
-        quick_join,
-        clocks.monotonic,
-    )
+    changed.Condition.wait, changed.Thread.join = quick_wait, quick_join
+    changed._time = clocks.monotonic
     queued: Any = queue
     queued.time = clocks.monotonic
 

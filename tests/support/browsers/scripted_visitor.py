@@ -15,9 +15,8 @@ from typing import Any, Protocol
 
 from playwright.sync_api import CDPSession, Page
 
-from experiments.bots.driver import Driver, Guide
+from experiments.bots.driver import Driver, Guide, SpeedSetting
 from experiments.bots.routes import RouteGrid
-from experiments.bots.steering import SpeedSetting
 from experiments.bots.view import View
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle

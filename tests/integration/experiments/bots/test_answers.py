@@ -73,12 +73,12 @@ def test_a_bot_answers_every_kind_of_question_to_the_end(definition, number):
     assert response.finished_at is not None
 
 
-def test_a_bot_gives_its_age_and_ticks_what_has_to_be_agreed_to():
+def test_bot_gives_its_age_and_ticks_a_required_box():
     form = HtmlPage(
         '<main><form method="post"><label for="a">Your age in years</label><input type="number"'
         ' id="a" name="age" min="1" max="120"><label for="g">Guardian</label><input type="text"'
         ' id="g" name="guardian"><input type="checkbox" name="agree" id="c"></form></main>'
-    ).main_forms()[0]
+    ).forms[0]
     persona = Persona(1, 1)
     now = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
     assert fill(form, persona, {}, now) == [

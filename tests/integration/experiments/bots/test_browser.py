@@ -33,7 +33,7 @@ async def test_handshake_has_origin_cookies_and_agent_of_the_browser():
         await socket.close()
 
 
-async def test_a_refused_connection_differs_from_a_site_that_is_not_there():
+async def test_refused_connection_raises_another_error_than_an_unreachable_site():
     server, browser = await served(
         None, process_request=lambda connection, _request: connection.respond(403, "no")
     )

@@ -26,9 +26,9 @@ value="es" selected>Spain</option></select><label for="land">Land</label>
 <p class="field__error">Choose one.</p><button type="submit">Send</button></form></main>"""
 
 
-def test_a_form_is_read_with_what_it_holds_what_it_asks_and_how_it_is_sent():
+def test_form_has_its_hidden_inputs_fields_and_buttons():
     page = HtmlPage(CONSENT)
-    (form,) = page.main_forms()
+    (form,) = page.forms
     assert form.hidden == [("csrfmiddlewaretoken", "t"), ("place", "1.0.consent")]
     assert {
         name: (field.kind, field.label, field.required) for name, field in form.fields.items()
@@ -42,12 +42,12 @@ def test_a_form_is_read_with_what_it_holds_what_it_asks_and_how_it_is_sent():
 
 def test_the_primary_link_and_button_are_found():
     page = HtmlPage(CONSENT)
-    assert page.next_form() == (page.main_forms()[0], 0)
+    assert page.next_form() == (page.forms[0], page.forms[0].buttons[0])
     assert page.next_link == "?leaf=2"
-    assert page.button("decline") == (page.main_forms()[0], 1)
+    assert page.button("decline") == (page.forms[0], page.forms[0].buttons[1])
 
 
-def test_the_words_of_the_main_part_are_read_and_scripts_are_not():
+def test_text_is_that_of_the_main_part_without_scripts():
     page = HtmlPage(CONSENT)
     assert "You will drive." in page.text
     assert "nothing" not in page.text
@@ -56,7 +56,7 @@ def test_the_words_of_the_main_part_are_read_and_scripts_are_not():
     assert page.json["config"] == {"socket": "/ws/", "who": "A < B"}
 
 
-def test_a_question_has_its_choices_and_a_disabled_one_is_not_asked():
+def test_question_has_its_choices_and_disabled_ones_are_left_out():
     form = HtmlPage(SURVEY).form("survey")
     assert [choice.value for choice in form.fields["ease"].choices] == ["1", "2", "~preferred_not"]
     assert form.fields["ease"].label == "How was it?"

@@ -22,9 +22,9 @@ def test_a_route_takes_another_door_when_the_nearest_is_closed(
     plan,
 ):
     direct = RouteGrid(plan).route(DOCK, OUTSIDE_LAB)
-    assert RouteGrid(plan).door_on(direct, 20.0) == "lab-door"
+    assert RouteGrid(plan).door_on(direct, 20.0).name == "lab-door"
     round_about = RouteGrid(plan, ["lab-door"]).route(DOCK, OUTSIDE_LAB)
-    assert RouteGrid(plan, ["lab-door"]).door_on(round_about, 30.0) == "lounge-door"
+    assert RouteGrid(plan, ["lab-door"]).door_on(round_about, 30.0).name == "lounge-door"
     assert length(round_about) > 2.0 * length(direct)
 
 
