@@ -24,7 +24,6 @@ REMARKS = "Remark"  # the column whose parts begin with a key, and a colon
 
 
 def write_page(found: "Report", folder: Path) -> None:
-    """Write what the page needs of a report into its folder."""
     for name, content in _files(found, SessionSets()):
         path = folder / PAGE / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -62,9 +61,7 @@ def _figure(one: "Drawing", sets: SessionSets) -> dict[str, Any]:
 
 
 def is_empty(table: Table) -> bool:
-    """Tell whether a table says nothing: it has no rows, or is one of numbers without a number in
-    it that is known and not 0.
-    """
+    """Tell whether a table has no rows, or numbers of which none is known and not 0."""
     cells = [cell for row in table.rows for cell in row]
     is_of_numbers = any(cell.value is not None for cell in cells)
     return not cells or (is_of_numbers and not any(cell.value or cell.sessions for cell in cells))
@@ -89,9 +86,7 @@ def _shown(head: str, text: str, titles: Mapping[str, str]) -> str:
 
 
 def _named(text: str, titles: Mapping[str, str]) -> str:
-    """Return the title of a condition, or those of several in their order, for its key or their
-    keys with hyphens between; other text as it is.
-    """
+    """Return the titles of conditions for their keys, with hyphens between; other text as it is."""
     keys = text.split("-")
     return " → ".join(titles[key] for key in keys) if all(key in titles for key in keys) else text
 
@@ -103,13 +98,12 @@ def _column(name: str, titles: Mapping[str, str]) -> str:
 
 
 def _title(table: Table, titles: Mapping[str, str]) -> str:
-    """Return a table's title; a table of one condition is named for it (`table_5`)."""
+    """Return a table's title, in which a condition may be named (`table_5`)."""
     start, found, key = table.title.rstrip(".").partition(", condition ")
     return f"{start}: {_named(key, titles)}." if found else table.title
 
 
 def _sessions(found: "Report") -> dict[str, dict[str, Any]]:
-    """Every session by its code, with what a list of them shows."""
     return {
         one.session.id: {
             "participant": one.session.participant,

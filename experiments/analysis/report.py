@@ -83,12 +83,10 @@ _NO_TEST = "No test could be computed: there are too few cases."
 
 @dataclass(frozen=True)
 class Report:
-    """The tables and figures of a selection of drives, with the drives' numbers, those of drives
-    that do not count, the verdicts on their records, and what each condition is called, by its key.
-
-    `alpha` is the level of significance, and `decisions` are the hypotheses on which declared tests
-    decide: none in a sensitivity analysis. `note` tells of whom the report is where that is not
-    participants alone, and that it is a sensitivity analysis.
+    """The report on a selection of drives. `problems` are the rules that records fail, by session;
+    `titles` are those of conditions, by key; `decisions` are the hypotheses on which declared tests
+    decide, none in a sensitivity analysis; `note` says what participants are, if not participants
+    alone.
     """
 
     name: str
@@ -104,9 +102,7 @@ class Report:
 
 
 def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Iterator[Report]:
-    """Yield the report on the drives that count and, where something is excluded, the sensitivity
-    analysis with the excluded ones.
-    """
+    """Yield the report on what counts and, if something is excluded, the sensitivity analysis."""
     planned, every = counting(dataset, kinds), counting(dataset, kinds, with_excluded=True)
     task_drives = replace(planned, sessions=(*planned.sessions, *planned.others), others=())
     measured = {one.session.id: one for one in measure_all(task_drives)}
@@ -123,25 +119,18 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
 
 
 def alpha_of(study: StudyDefinition) -> float:
-    """Return the level of significance of a study."""
     return (study.plan or StudyPlan()).alpha
 
 
 def _measured(sessions: Sequence[SessionRecord], found: Mapping[str, Measured]) -> list[Measured]:
-    """Return drives with their numbers, with what a selection says of them."""
     return [replace(found[one.id], session=one) for one in sessions]
 
 
 def report(
     dataset: Dataset, numbers: Mapping[str, Measured], whole: Dataset, *also: Table
 ) -> Report:
-    """Return the tables and figures of a dataset of what counts.
-
-    Args:
-        dataset: of what counts (dataset/counting.py).
-        numbers: its drives and the others as they were measured, by session.
-        whole: the dataset that it was chosen from.
-        also: more tables on exclusions.
+    """Return the report on a dataset of what counts, which was chosen from `whole`. `numbers` are
+    the drives as measured, by session; `also` has more tables on exclusions.
     """
     measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
     quality = dataset.study.quality
@@ -259,9 +248,7 @@ def write(found: Report, folder: Path, *, png: bool = True) -> Iterator[Path]:
 
 
 def _results(found: Report) -> dict[str, bytes]:
-    """Return the sentences on all tests, by kind of file: first those that decide on hypotheses of
-    the plan, then the exploratory ones below the titles of their tables.
-    """
+    """Return the sentences on all tests, by kind of file: those that decide on hypotheses first."""
     text, tex, paragraphs = list[str](), list[str](), list[tuple[Run, ...]]()
     for title, sentences in _sections(found):
         text += [title, *(one.text for one in sentences), ""]
@@ -303,9 +290,7 @@ def _file(path: Path, content: bytes) -> Path:
 
 
 def sources(found: Report) -> dict[str, Any]:
-    """Return which sessions are behind every cell (table, row, column) and every part of a figure
-    (figure, gid), by the number of their set in `sets`.
-    """
+    """Return the sessions behind every cell and every part of a figure, by their set's number."""
     sets = SessionSets()
     tables = {
         table.name: [[sets.number(cell.sessions) for cell in row] for row in table.rows]

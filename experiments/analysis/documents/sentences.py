@@ -1,6 +1,6 @@
-"""The tests of a table as sentences in the style of the APA (Publication Manual, 7th edition,
-sections 6.36 and 6.40 to 6.45): symbols in italics, no zero before the point of what cannot exceed
-1, p with three decimals and nothing below .001, and an interval behind each effect.
+"""Tests as sentences of the APA (Publication Manual, 7th edition, 6.36 and 6.40 to 6.45): symbols
+in italics, no zero before the point of what cannot exceed 1, no p below .001, intervals behind
+effects.
 """
 
 import math
@@ -47,9 +47,7 @@ NEEDED = frozenset({"Test", "Statistic", "p", REMARK})
 
 @dataclass(frozen=True)
 class Sentence:
-    """The result of a test, the table that it is in, and the hypothesis of the plan that it decides
-    on; without one it is exploratory.
-    """
+    """The result of a test in a table, and the plan's hypothesis that it decides on, if any."""
 
     table: str
     runs: tuple[Run, ...]
@@ -57,21 +55,13 @@ class Sentence:
 
     @property
     def text(self) -> str:
-        """The sentence without italics."""
         return plain(self.runs)
 
 
 def sentences_of(
     table: Table, alpha: float, decisions: Decisions = NO_DECISIONS
 ) -> Iterator[Sentence]:
-    """Yield a sentence for each row of a table that has a test, and for each hypothesis that it
-    decides on; none for other tables.
-
-    Args:
-        table: of a report.
-        alpha: the level of significance.
-        decisions: of declared tests, the hypotheses of the plan and p as corrected in their family.
-    """
+    """Yield a sentence for each test of a table, and for each hypothesis that it decides on."""
     if not set(table.head) >= NEEDED:
         return
     for row in table.rows:

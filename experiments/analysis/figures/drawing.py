@@ -75,9 +75,7 @@ _STYLE = {
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure with the table of the numbers that it was drawn from, which has its name and title,
-    and the sessions behind each `gid`.
-    """
+    """A figure, the table of its numbers, and the sessions behind each `gid`."""
 
     figure: Figure
     numbers: Table
@@ -110,9 +108,7 @@ def house_style() -> Iterator[None]:
 
 
 def drawn_of_whom(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Drawing:
-    """Return a figure that names its kinds of participants, in its title and above the drawing,
-    unless it is of participants alone.
-    """
+    """Return a figure that names its kinds of participants, unless they are participants alone."""
     if title := title_of(people):
         with house_style():
             drawing.figure.suptitle(title, fontsize=SMALL, fontweight="bold")
@@ -120,7 +116,6 @@ def drawn_of_whom(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Draw
 
 
 def as_svg(drawing: Drawing) -> bytes:
-    """Return a figure as SVG. Its text is text, in fonts as wide as the one that was drawn with."""
     svg = _saved(drawing, "svg", {"Date": None, "Creator": None, "Title": drawing.title})
     return svg.replace(_FONT, _FONT + b", Verdana, sans-serif")
 
@@ -131,12 +126,10 @@ def as_pdf(drawing: Drawing) -> bytes:
 
 
 def as_png(drawing: Drawing, dpi: int = PRINT_DPI) -> bytes:
-    """Return a figure as PNG, for print unless fewer dots an inch are asked for."""
     return _saved(drawing, "png", {"Software": None, "Title": drawing.title}, dpi)
 
 
 def panels(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure of a height in inches with so many panels in some columns."""
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     axes = figure.subplots(ceil(count / columns), columns, squeeze=False).ravel().tolist()
     for empty in axes[count:]:

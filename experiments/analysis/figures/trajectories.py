@@ -1,6 +1,4 @@
-"""Figures 6 and 7 of the paper: the workspace with the suggested paths, and the trajectories that
-were driven, a panel a robot.
-"""
+"""Figures 6 and 7 of the paper: the workspace with the suggested paths, and the trajectories."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -48,7 +46,7 @@ TITLE = 100  # characters of a line over the whole width
 
 
 def figure_6(dataset: Dataset, site: str) -> Drawing:
-    """Return the workspace of a site with each course's checkpoints and suggested path."""
+    """Draw the workspace of a site with each course's checkpoints and suggested path."""
     courses = [course for course in dataset.study.courses if course.site == site]
     with house_style():
         figure = Figure(figsize=(WIDTH, _height(dataset, site)), layout="constrained")
@@ -96,9 +94,8 @@ def _robot_name(dataset: Dataset, series: str) -> str:
 
 
 def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
-    """Return all trajectories over the floor plan, a panel a robot, site and condition, each with
-    the same part of the plan as the others of its site; one panel without trajectories if there are
-    none.
+    """Draw all trajectories, a panel a robot, site and condition, with one view for each site; one
+    panel without trajectories if there are none.
     """
     ways = {one.session.id: thinned(one.way) for one in measured}
     found = _panels(dataset, measured)
@@ -127,7 +124,7 @@ def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
 
 @dataclass(frozen=True)
 class TrajectoryPanel:
-    """The sessions of one condition on one course, and the letter of their panel."""
+    """The sessions of one condition on one course, and the label of their panel."""
 
     letter: str
     site: str
@@ -137,9 +134,7 @@ class TrajectoryPanel:
 
 
 def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPanel]:
-    """Return the panels in the order of the courses and the conditions of the study; the first
-    course's without sessions where there are none.
-    """
+    """Return the panels in the order of courses and conditions; an empty one without sessions."""
     groups: dict[tuple[str, str, str], list[Measured]] = {}
     for one in measured:
         if len(one.way):
@@ -160,9 +155,7 @@ def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPa
 def _shown(
     dataset: Dataset, panels: Sequence[TrajectoryPanel], ways: Mapping[str, Floats], site: str
 ) -> list[Floats]:
-    """Return what the panels of a site have to show: trajectories, and the checkpoints of those
-    courses that were driven.
-    """
+    """Return the trajectories of a site's panels, and the checkpoints of courses that were driven."""
     here = [panel for panel in panels if panel.site == site and panel.own]
     driven = {panel.series for panel in here}
     courses = [one for one in dataset.study.courses if one.site == site and one.robot in driven]
@@ -171,8 +164,8 @@ def _shown(
 
 
 def _layout(views: Sequence[Floats | None]) -> tuple[int, float]:
-    """Return as few columns as fit on a page with a panel for each view, and the height in inches;
-    a square of panels is made to fit.
+    """Return the fewest columns that fit on a page with a panel for each view, and the inches of
+    the height; a square of panels is made to fit.
     """
     sizes = [np.ptp(view, axis=0) for view in views if view is not None]
     ratio = max((float(size[1] / size[0]) + BELOW for size in sizes), default=BARE)
@@ -185,9 +178,7 @@ def _layout(views: Sequence[Floats | None]) -> tuple[int, float]:
 
 
 def _panel_title(dataset: Dataset, panel: TrajectoryPanel, columns: int) -> str:
-    """Return the letter, the robot unless the condition begins with it, the condition, and below
-    how many drove.
-    """
+    """Return the label, the robot unless the condition begins with it, the condition, and amounts."""
     name = _robot_name(dataset, panel.series)
     titles = {one.key: dataset.say(one.title) for one in dataset.study.conditions}
     condition = titles.get(panel.condition, panel.condition)

@@ -1,6 +1,4 @@
-"""The metrics of a session, and of each of its segments from checkpoint to checkpoint, by the names
-of definitions.py. A number that cannot be known is NaN, never zero.
-"""
+"""The metrics of sessions and of segments between checkpoints; what cannot be known is NaN, not 0."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,8 +22,8 @@ Values = dict[str, float]
 
 @dataclass(frozen=True)
 class CheckpointSegment:
-    """From one checkpoint to the next, by their numbers, with 0 for the charging station at both
-    ends; `start` and `end` in the session's seconds, `values` by SEGMENT_METRICS' names.
+    """From one checkpoint to the next, by number; 0 is the charging station, at both ends. Times
+    are in the session's seconds.
     """
 
     session: str
@@ -39,9 +37,7 @@ class CheckpointSegment:
 
 @dataclass(frozen=True)
 class Measured:
-    """A session with its numbers by METRICS' names, its segments in order, and the positions on its
-    way, (n, 2) metres.
-    """
+    """A session with its metrics, its segments in order, and its positions, (n, 2) metres."""
 
     session: SessionRecord
     milestones: Milestones
@@ -51,7 +47,6 @@ class Measured:
 
 
 def measure_all(dataset: Dataset) -> list[Measured]:
-    """Return every session with its numbers, in the dataset's order."""
     events: dict[str, list[EventRecord]] = {}
     for event in dataset.events:
         events.setdefault(event.session, []).append(event)
@@ -59,7 +54,6 @@ def measure_all(dataset: Dataset) -> list[Measured]:
 
 
 def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord]) -> Measured:
-    """Return a session with its numbers."""
     course = dataset.course(session)
     found = milestones(session, events, course)
     whole = Trajectory.of(dataset.states(session.id))
@@ -228,14 +222,12 @@ def _shortest(
 
 
 def _driven(values: Values) -> float:
-    """Return the length of the way with what was driven in gaps, which the shortest way covers,
-    too.
-    """
+    """Return the distance driven including gaps, which the shortest path covers, too."""
     return values.get("path", 0.0) + values.get("path_unseen", 0.0)
 
 
 def _share(shortest: float, path: float) -> float:
-    """Return the efficiency. No robot drives less than the shortest way: what is above 1 is
-    measurement noise, and a straight line over cells that is up to 3 % too long.
+    """Return the efficiency. Above 1, it is measurement noise, and a straight line over cells that
+    is up to 3 % too long.
     """
     return min(1.0, shortest / path) if path > 0.0 else math.nan

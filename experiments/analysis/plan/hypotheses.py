@@ -1,6 +1,4 @@
-"""A study's plan in its report: the hypotheses with the tests that decide on them, the exclusions
-with their effect on significance, and which tables and figures are exploratory.
-"""
+"""The plan of a study in its report: which tests decide on hypotheses, exclusions, notes."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -64,9 +62,7 @@ class DecidingTest:
 
 
 def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[DecidingTest]:
-    """Return the tests that decide on the hypotheses of a study's plan, from the tables of its
-    declared analyses.
-    """
+    """Return the tests in the tables of declared analyses that decide on hypotheses."""
     if study.plan is None:
         return []
     tests = [test for one in study.plan.hypotheses for test in _deciding(study, one, tables)]
@@ -79,7 +75,6 @@ def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[Decidi
 
 
 def hypotheses_table(study: StudyDefinition, decisions: Sequence[DecidingTest]) -> Table:
-    """Return each hypothesis with the tests that decide on it."""
     plan = study.plan
     title = "Hypotheses of the plan."
     if plan is None or not plan.hypotheses:
@@ -162,7 +157,6 @@ def _difference(cells: Cells) -> float | None:
 
 
 def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
-    """Return a row for each exclusion."""
     rows = tuple(
         (
             words(one.participant, (one.session,) if one.session else ()),
@@ -175,9 +169,7 @@ def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
 
 
 def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: float) -> Table:
-    """Return the declared tests of the drives that count (their tables are `planned`) beside those
-    with the excluded drives (`every`).
-    """
+    """Return the declared tests of the drives that count (`planned`) beside those of `every` drive."""
     others = dict(_tests(every))
     rows, changed = [], []
     for key, cells in _tests(planned):
@@ -201,9 +193,7 @@ def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: f
 
 
 def marked_table(table: Table, *, is_sensitivity: bool) -> Table:
-    """Return a table with the note that it is part of a sensitivity analysis, or exploratory, where
-    it has tests that no hypothesis names. Tables with hypotheses have them in each row.
-    """
+    """Add a note to a sensitivity analysis, and to tests that no hypothesis names."""
     if is_sensitivity:
         return replace(table, notes=(SENSITIVITY, *table.notes))
     if PLANNED in table.head or "p" not in table.head or table.name == "hypotheses":
@@ -212,8 +202,8 @@ def marked_table(table: Table, *, is_sensitivity: bool) -> Table:
 
 
 def marked_figure(study: StudyDefinition, figure: Drawing, *, is_sensitivity: bool) -> Drawing:
-    """Return a figure with the note that it is part of a sensitivity analysis; or, of answers, to
-    which hypotheses it belongs, or that it is exploratory.
+    """Add a note to a sensitivity analysis; to answers, the hypotheses, or that they are
+    exploratory.
     """
     notes, scores = figure.numbers.notes, "figure-scores-"
     questionnaire = study.analysis.statements if figure.name.startswith("figure-8") else ""

@@ -1,7 +1,4 @@
-"""A sheet with what a report on a study of human-robot interaction has to state: participants,
-robots, their autonomy, failures, and deviations from the plan. It is filled from the data; what
-they do not have is unknown.
-"""
+"""What a report on human-robot interaction has to state, filled from the data."""
 
 import math
 from collections import Counter
@@ -49,8 +46,8 @@ Line = tuple[str, str, str]  # section, item, value
 def reporting_sheet(
     dataset: Dataset, measured: Sequence[Measured], everybody: Sequence[ParticipantRecord]
 ) -> Table:
-    """Return the sheet of a dataset of what counts (dataset/counting.py), with its measured
-    sessions; `everybody` has the participants, pilots and bots of the whole dataset.
+    """Return the sheet of a dataset of what counts; `everybody` has the participants of the whole
+    one.
     """
     lines = (
         ("Participants", "in the dataset", counted_by_kind(everybody, "participant")),
@@ -72,7 +69,6 @@ def reporting_sheet(
 
 
 def as_markdown(table: Table) -> str:
-    """Return the sheet as Markdown."""
     lines = [f"# {table.title.removesuffix('.')}", ""]
     for topic, item, value in table.rows:
         if topic.text:
@@ -121,7 +117,7 @@ def _ages(ages: Sequence[float]) -> str:
 
 
 def _sexes(dataset: Dataset) -> str:
-    """Return how often each answer was given, from Table 2, where the registration asks for it."""
+    """Return how often each answer was given, from Table 2."""
     definition = dataset.questionnaire(dataset.registration)
     asked = [one for one in definition.questions() if one.key in SEX] if definition else []
     if not asked:

@@ -40,8 +40,8 @@ def modelled(draws: Draws, analysis: DeclaredAnalysis, measure: str) -> Found:
 
 @dataclass(frozen=True, eq=False)
 class _ModelData:
-    """The observations of a model: what each has of its terms, and its place (kind of participant,
-    participant, condition); and the columns, None where these participants are too few for them.
+    """The observations of a model, each at its place (kind of participant, participant, condition).
+    `design` is None where there are too few participants.
     """
 
     draws: Draws
@@ -85,7 +85,6 @@ class _ModelData:
         return [str(row["condition"]) for row in self.rows]
 
     def is_null(self) -> list[bool]:
-        """Tell of each effect whether it is 0 under the assumptions."""
         test, effects = self.analysis.test, self.analysis.effects
         if self.design is None:
             return [True] * len(effects)
@@ -98,8 +97,8 @@ class _ModelData:
         return [bool((np.abs(estimates[places]) <= 1e-9 * size).all()) for places in own]
 
     def p_values(self, raised: Mapping[str, str] | None = None) -> Floats:
-        """Return the p values of every effect, (studies, effects), where the levels of some factors
-        are raised; 1 where the model cannot be fitted.
+        """Return the p values of every effect, (studies, effects); 1 where the model cannot be
+        fitted. `raised` has the levels that are higher than others, by factor.
         """
         test, samples = self.analysis.test, self.draws.samples(self.analysis.test)
         values = np.stack([samples[kind][:, who, at] for kind, who, at in self.places], axis=1)

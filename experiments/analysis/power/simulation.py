@@ -56,9 +56,8 @@ def simulate(
     *,
     orders: Orders | None = None,
 ) -> SimulatedStudies:
-    """Return simulated studies; the same seed gives the same ones. Participants are spread evenly
-    over the kinds of participants (those who have the same conditions). `orders` has the orders of
-    conditions of each kind, for models with `period` or `order`; by default, the definition's.
+    """Return simulated studies; the same seed gives the same ones. `orders` has the orders of each
+    kind of participant, for models with `period` or `order`; by default, the definition's.
     """
     kinds = conditions_together(study)
     each, more = divmod(participants, len(kinds))
@@ -149,9 +148,7 @@ def _pairs(
 def _with_and_without(
     draws: Draws, test: str, sides: Sequence[Sequence[str]], raised: Sequence[str]
 ) -> tuple[Floats, Floats]:
-    """Return the p values of a test, (studies,), as assumed and with nothing to find; they are the
-    same where the study assumes anything.
-    """
+    """Return the p values of a test, (studies,), as assumed and with nothing to find."""
     found = _tested(draws, test, sides, draws.samples(test, raised))
     if draws.is_assumed(test):
         return found, found
@@ -161,9 +158,7 @@ def _with_and_without(
 def _tested(
     draws: Draws, test: str, sides: Sequence[Sequence[str]], samples: Sequence[Floats]
 ) -> Floats:
-    """Return the p values of a comparison of sides, (studies,): paired where a participant has
-    conditions of all of them.
-    """
+    """Return the p values of a comparison, (studies,): paired where a participant has all sides."""
     own = [
         [[at for at, key in enumerate(kind) if key in side] for side in sides]
         for kind in draws.noise

@@ -32,7 +32,6 @@ LEAST_EXPECTED = 1.0  # successes or failures in a group, for χ² (Campbell, 20
 
 
 def two_proportions(first: Floats, second: Floats) -> Test:
-    """Compare two groups of two or more participants each, zeros and ones."""
     from statsmodels.stats.proportion import (  # noqa: PLC0415 - not on robots
         confint_proportions_2indep,
     )
@@ -51,9 +50,7 @@ def two_proportions(first: Floats, second: Floats) -> Test:
 
 
 def paired_proportions(first: Floats, second: Floats) -> Test:
-    """Compare two conditions that the same participants had, zeros and ones; the statistic is the
-    number of those who succeeded in the first one alone.
-    """
+    """Compare two conditions; the statistic counts those who succeeded in the first one alone."""
     n = len(first)
     if n < 2:
         return Test(MCNEMAR, n, remark=TOO_FEW)

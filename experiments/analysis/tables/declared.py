@@ -1,5 +1,4 @@
-"""The analyses that the study declared (experiments/definition/analyses.py), a table each, and one
-more with the coefficients of a model.
+"""A table for each declared analysis, and one for the coefficients of each model.
 
 In tests of means and ranks, and in mixed models, a participant has one value of a measure in each
 condition: the mean over their sessions or responses. Proportions, counts and times are of each
@@ -90,7 +89,6 @@ CODED = {
 
 
 def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...]:
-    """Return the tables of all analyses that the study declared."""
     data = StudyMeasures(dataset, measured)
     return tuple(
         table
@@ -100,7 +98,6 @@ def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...
 
 
 def name_of(one: DeclaredAnalysis) -> str:
-    """Return the name of an analysis's table."""
     return f"analysis-{one.key.replace('_', '-')}"
 
 
@@ -162,7 +159,6 @@ def _compared(one: DeclaredAnalysis, data: StudyMeasures) -> Table:
 
 
 def _about_metrics(one: DeclaredAnalysis) -> Iterator[str]:
-    """Yield sentences on sessions that were cut short."""
     if one.test == "times":
         yield CENSORED_AT_END
     if one.test in {"times", "proportions"}:
@@ -210,7 +206,6 @@ def _conditions(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[str, ...]:
 def _contrasts(
     one: DeclaredAnalysis, data: StudyMeasures
 ) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    """Return the title and the conditions of both sides of each contrast."""
     if one.contrasts:
         return [(data.dataset.say(it.title), it.first, it.second) for it in one.contrasts]
     pairs = combinations(_conditions(one, data), 2) if one.post_hoc else ()
@@ -277,8 +272,8 @@ def _coefficients(measure: str, model: FittedModel) -> Iterator[Cells]:
 
 
 def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> FittedModel | str:
-    """Return the model of a measure, with terms in sum coding and coefficients in the coding that
-    is declared, or why there is none.
+    """Return the model of a measure, or why there is none. Its terms are in sum coding, its
+    coefficients in the declared one.
     """
     if why := data.unknown(one.test, measure):
         return why
@@ -294,21 +289,12 @@ def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> FittedMo
 
 @dataclass(frozen=True)
 class ModelData:
-    """The observations of a model, each one's values of the model's terms, and the levels of
-    these.
-    """
-
     observed: Sequence[DriveOutcome]
     rows: Sequence[Row]
     levels: Mapping[str, Sequence[str]]
     remark: str
 
     def fit(self, one: DeclaredAnalysis, coding: Coding) -> FittedModel:
-        """Return the model.
-
-        Raises:
-            CannotFitError: there is none.
-        """
         terms = (*one.effects, *one.covariates)
         design = design_of(self.levels, terms, self.rows, coding)
         if one.test != "mixed":
