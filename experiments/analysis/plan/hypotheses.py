@@ -4,12 +4,12 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from experiments.analysis.documents.sentences import RowKey
+from experiments.analysis.documents.sentences import RowKey, key_of
 from experiments.analysis.figures.drawing import Drawing
 from experiments.analysis.statistics.comparisons import holm
 from experiments.analysis.statistics.regression import RATIO
 from experiments.analysis.tables.declared import PLANNED, name_of
-from experiments.analysis.tables.table import NOTHING, Table, TableCell, number, probability, words
+from experiments.analysis.tables.table import Table, TableCell, number, probability, words
 from experiments.dataset.records import PlanExclusion
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.plan import Hypothesis, StudyPlan, measures_of
@@ -79,11 +79,11 @@ def hypotheses_table(study: StudyDefinition, decisions: Sequence[DecidingTest]) 
     title = "Hypotheses of the plan."
     if plan is None or not plan.hypotheses:
         reason = NO_PLAN if plan is None else NO_HYPOTHESIS
-        return Table("hypotheses", title, (PLANNED,), ((words(reason),),))
-    rows = tuple(_row(plan, one) for one in decisions)
-    texts = tuple(f"{one.key}: {one.text}" for one in plan.hypotheses)
+        return Table.of("hypotheses", title, (PLANNED,), [[reason]])
+    rows = (_row(plan, one) for one in decisions)
+    texts = (f"{one.key}: {one.text}" for one in plan.hypotheses)
     alpha = f"Significant: p (family) below {plan.alpha:g}."
-    return Table("hypotheses", title, HEAD, rows, (*texts, SELECTED, PRECISION, alpha))
+    return Table.of("hypotheses", title, HEAD, rows, (*texts, SELECTED, PRECISION, alpha))
 
 
 def by_row(decisions: Sequence[DecidingTest]) -> dict[RowKey, list[tuple[str, float]]]:
@@ -95,14 +95,13 @@ def by_row(decisions: Sequence[DecidingTest]) -> dict[RowKey, list[tuple[str, fl
     return found
 
 
-def _row(plan: StudyPlan, one: DecidingTest) -> tuple[TableCell, ...]:
+def _row(plan: StudyPlan, one: DecidingTest) -> tuple[object, ...]:
     p, about = one.corrected, one.hypothesis
     significant = "unknown" if math.isnan(p) else "yes" if p < plan.alpha else "no"
     return (
-        *map(words, (about.key, EXPECTED[about.direction], one.measure)),
-        *(words(f"{one.analysis.key}: {one.label}"), probability(one.p), probability(p)),
-        number(one.difference, 3),
-        *map(words, (_as_expected(about, one.difference), significant)),
+        *(about.key, EXPECTED[about.direction], one.measure, f"{one.analysis.key}: {one.label}"),
+        *(probability(one.p), probability(p), number(one.difference, 3)),
+        *(_as_expected(about, one.difference), significant),
     )
 
 
@@ -121,8 +120,7 @@ def _tests(tables: Sequence[Table]) -> Iterator[tuple[RowKey, Cells]]:
         if "p (Holm)" in table.head:
             for row in table.rows:
                 cells = dict(zip(table.head, row, strict=True))
-                label = cells.get("Contrast", cells.get("Effect", words(NOTHING))).text
-                yield (table.name, cells["Measure"].text, label), cells
+                yield key_of(table, cells), cells
 
 
 def _deciding(
@@ -157,15 +155,15 @@ def _difference(cells: Cells) -> float | None:
 
 
 def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
-    rows = tuple(
+    rows = (
         (
             words(one.participant, (one.session,) if one.session else ()),
-            *map(words, (one.session, one.rule, one.value, "yes" if one.planned else "no")),
+            *(one.session, one.rule, one.value, "yes" if one.planned else "no"),
         )
         for one in found
     )
     head = ("Participant", "Session", "Rule", "Value", PLANNED)
-    return Table("exclusions", "Exclusions.", head, rows, (LISTED,))
+    return Table.of("exclusions", "Exclusions.", head, rows, (LISTED,))
 
 
 def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: float) -> Table:
@@ -179,14 +177,14 @@ def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: f
         is_changed = (ps[0] < alpha) != (ps[1] < alpha)
         names = (key[0].removeprefix("analysis-"), *key[1:])
         changed += [", ".join(names)] if is_changed else []
-        verdict = words("changes" if is_changed else "same")
-        rows.append((*map(words, names), *map(probability, ps), *differences, verdict))
+        verdict = "changes" if is_changed else "same"
+        rows.append((*names, *map(probability, ps), *differences, verdict))
     title = "Sensitivity analysis: declared tests with the excluded drives (all)."
     level = f"Significant: p (Holm) below {alpha:g}."
     note = f"The exclusions change the significance of: {'; '.join(changed)}."
     if not changed:
         note = "The exclusions change the significance of no declared test."
-    return Table("exclusions-effect", title, EFFECTS_HEAD, tuple(rows), (level, note))
+    return Table.of("exclusions-effect", title, EFFECTS_HEAD, rows, (level, note))
 
 
 # --- notes of tables and figures ------------------------------------------------------------------

@@ -9,14 +9,10 @@ from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.people import NOT_REPORTED, counted_by_kind, table_2
-from experiments.analysis.tables.table import NOTHING, Table, amount, spoken, words
+from experiments.analysis.tables.table import NOTHING, Table, amount, spoken
 from experiments.dataset.exclusions import excluded_participants
 from experiments.dataset.levels import ASSISTANCE, BY_HAND, OF_PLATFORM, REPLACED, UNCOUNTED
-from experiments.dataset.records import (
-    COMPLETED,
-    Dataset,
-    ParticipantRecord,
-)
+from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord
 from experiments.definition.plan import hypotheses_of
 
 NAME = "reporting-sheet"
@@ -62,10 +58,10 @@ def reporting_sheet(
     )
     rows, last = [], ""
     for section, item, value in lines:
-        rows.append((words("" if section == last else section), words(item), words(value)))
+        rows.append(("" if section == last else section, item, value))
         last = section
     note = "Unknown: neither the study's definition nor its data say."
-    return Table(NAME, "Reporting sheet.", ("Topic", "Item", "Value"), tuple(rows), (note,))
+    return Table.of(NAME, "Reporting sheet.", ("Topic", "Item", "Value"), rows, (note,))
 
 
 def as_markdown(table: Table) -> str:

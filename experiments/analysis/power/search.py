@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from experiments.analysis.power.draws import REASONS, Assumption, Orders, assumed
 from experiments.analysis.power.simulation import SimulatedStudies, simulate
 from experiments.analysis.statistics.descriptive import wilson
-from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.analysis.tables.table import Table, number
 from experiments.definition.factors import conditions_together
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import StudyDefinition
@@ -105,20 +105,19 @@ def least_participants(
 
 def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Table:
     plan = study.plan or StudyPlan()
-    rows = [row for one in found.simulations for row in _rows(one, plan.alpha)]
+    rows = (row for one in found.simulations for row in _rows(one, plan.alpha))
     null = sum(one.is_null for one in found.simulations[0].tests) if found.simulations else 0
     method = [text.format(alpha=plan.alpha, studies=studies, null=null) for text in METHOD]
     notes = (_needed(found, plan), *_assumptions(study, found), *method, *REASONS)
-    return Table("power", "Power by simulation.", HEAD, tuple(rows), notes)
+    return Table.of("power", "Power by simulation.", HEAD, rows, notes)
 
 
-def _rows(found: SimulatedStudies, alpha: float) -> Iterator[tuple[TableCell, ...]]:
+def _rows(found: SimulatedStudies, alpha: float) -> Iterator[tuple[object, ...]]:
     for one, (hits, studies) in zip(found.tests, found.power(alpha), strict=True):
         if not one.is_null:
             names = (one.analysis, one.measure, one.label, ", ".join(one.hypotheses))
             shares = (hits / studies, *(wilson(hits, studies) or (None, None)))
-            cells = (*map(words, names), *(number(share, 3) for share in shares))
-            yield count(found.participants), *cells
+            yield found.participants, *names, *(number(share, 3) for share in shares)
 
 
 def _needed(found: PowerReport, plan: StudyPlan) -> str:

@@ -11,9 +11,9 @@ from experiments.analysis.power.draws import DIFFERENCE, Draws, Found
 from experiments.analysis.statistics.mixed_models import RobustTests, grouped, p_of
 from experiments.analysis.statistics.models import CannotFitError, Design, Row, design_of
 from experiments.analysis.statistics.regression import Family, fit_family
+from experiments.analysis.tables.declared import levels_of
 from experiments.dataset.columns import Floats
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
-from experiments.definition.schema import StudyDefinition
 
 LINKS: Mapping[str, Callable[[Floats], Floats]] = {
     "proportions": scipy.special.logit,
@@ -71,7 +71,7 @@ class _ModelData:
                         places.append((kind, person, column))
         terms = (*analysis.effects, *analysis.covariates)
         try:
-            design = design_of(_levels(draws.study, rows), terms, rows)
+            design = design_of(levels_of(draws.study, rows), terms, rows)
         except CannotFitError:
             design = None
         return cls(draws, analysis, rows, places, design)
@@ -137,15 +137,3 @@ class _ModelData:
                 continue
             of_study[:] = [term.p for term in found.terms[: len(of_study)]]
         return p
-
-
-def _levels(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, list[str]]:
-    written = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
-    written["condition"] = [condition.key for condition in study.conditions]
-    for name in ("period", "order"):
-        written[name] = sorted({str(row[name]) for row in rows})
-    given = {name: {row[name] for row in rows if name in row} for name in written}
-    return {
-        name: [level for level in levels if level in given[name]]
-        for name, levels in written.items()
-    }

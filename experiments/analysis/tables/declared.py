@@ -54,6 +54,7 @@ from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
 from experiments.definition.plan import EXPLORATORY, deciding_hypotheses, is_confirmatory
 from experiments.definition.schema import StudyDefinition
+from surveys.documents import spoken
 
 Cells = tuple[object, ...]
 PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
@@ -134,7 +135,7 @@ def _compared(one: DeclaredAnalysis, data: StudyMeasures) -> Table:
     named = [
         (measure, place, *contrast)
         for measure in one.measures
-        for place, contrast in enumerate(_contrasts(one, data), start=1)
+        for place, contrast in enumerate(contrasts_of(study, one, data.dataset.language), start=1)
     ]
     found = [
         _test_sides(one, data, measure, dict(zip(SIDES, sides, strict=True)))
@@ -190,7 +191,7 @@ def _test_sides(
 
 
 def _omnibus(one: DeclaredAnalysis, data: StudyMeasures) -> Iterator[Cells]:
-    sides = {key: (key,) for key in _conditions(one, data)}
+    sides = {key: (key,) for key in conditions_of(data.dataset.study, one)}
     found = [_test_sides(one, data, measure, sides) for measure in one.measures]
     corrected, _ = corrected_for(found)
     blank = [""] * (len(head_of(SIDES)) - len(TESTED))
@@ -199,16 +200,16 @@ def _omnibus(one: DeclaredAnalysis, data: StudyMeasures) -> Iterator[Cells]:
         yield measure, "all", *blank, *tested(test, p), *plan
 
 
-def _conditions(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[str, ...]:
-    return one.conditions or tuple(condition.key for condition in data.dataset.study.conditions)
+def conditions_of(study: StudyDefinition, one: DeclaredAnalysis) -> tuple[str, ...]:
+    return one.conditions or tuple(condition.key for condition in study.conditions)
 
 
-def _contrasts(
-    one: DeclaredAnalysis, data: StudyMeasures
+def contrasts_of(
+    study: StudyDefinition, one: DeclaredAnalysis, language: str
 ) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
     if one.contrasts:
-        return [(data.dataset.say(it.title), it.first, it.second) for it in one.contrasts]
-    pairs = combinations(_conditions(one, data), 2) if one.post_hoc else ()
+        return [(spoken(it.title, language), it.first, it.second) for it in one.contrasts]
+    pairs = combinations(conditions_of(study, one), 2) if one.post_hoc else ()
     return [(f"{a} − {b}", (a,), (b,)) for a, b in pairs]
 
 
@@ -330,12 +331,14 @@ def _observations(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> M
             rows.append({**condition.levels, **own, **given})
     if not observed:
         raise CannotFitError("fewer than three participants")
-    levels = _levels(data.dataset.study, rows) | {key: own for key, (_, own) in covariates.items()}
+    levels = levels_of(data.dataset.study, rows) | {
+        key: own for key, (_, own) in covariates.items()
+    }
     remark = f"participants without a covariate: {len(lacking)}" if lacking else ""
     return ModelData(observed, rows, levels, remark)
 
 
-def _levels(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, Sequence[str]]:
+def levels_of(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, Sequence[str]]:
     """Return the levels of every factor that a model may name: of the study's own, those that it
     declares and that have data.
     """

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from experiments.analysis.metrics.definitions import VERSION
-from experiments.analysis.tables.table import Table, words
+from experiments.analysis.tables.table import Table
 
 # Those that compute numbers or draw them. Mixed models and all other tests are computed with SciPy
 # and NumPy alone.
@@ -29,6 +29,5 @@ def versions() -> dict[str, str]:
 
 
 def software_table() -> Table:
-    rows = tuple((words(name), words(number)) for name, number in versions().items())
     title = "Software that computed the tables and figures."
-    return Table("software", title, ("Software", "Version"), rows)
+    return Table.of("software", title, ("Software", "Version"), versions().items())
