@@ -11,9 +11,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import ceil
+from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context, rcParamsDefault
+from matplotlib import style
 from matplotlib.axes import Axes
 from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
@@ -43,34 +44,7 @@ INK, WALL, FLOOR, FAINT = "#222222", "#4d4d4d", "#f7f5f0", "#b9b9b9"
 Look = dict[str, Any]  # how something is drawn, by matplotlib's keywords
 Behind = dict[str, tuple[str, ...]]  # the sessions behind each part, by gid
 _FONT = b"font-family: 'DejaVu Sans'"
-_STYLE = {
-    "svg.hashsalt": "telepresence",
-    "svg.fonttype": "none",  # text that an editor can change; DejaVu Sans, or what is there
-    "pdf.fonttype": 42,
-    "font.family": ["DejaVu Sans"],
-    "font.size": 8.0,
-    "axes.titlesize": 9.0,
-    "axes.linewidth": 0.6,
-    "axes.edgecolor": INK,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": 7.5,
-    "path.simplify": True,
-    "path.simplify_threshold": 0.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "figure.dpi": 100.0,
-    "savefig.dpi": 200.0,
-    "hatch.linewidth": 0.5,
-    "axes.unicode_minus": True,
-    "text.usetex": False,
-    "mathtext.fontset": "dejavusans",
-}
+_STYLE = Path(__file__).with_name("house.mplstyle")
 
 
 @dataclass(frozen=True)
@@ -92,18 +66,12 @@ class Drawing:
 
 # matplotlib's settings are global, and pages draw in threads
 _ONE_AT_A_TIME = threading.RLock()
-_PLAIN = {
-    key: value
-    for key, value in rcParamsDefault.items()
-    if not key.startswith(("backend", "webagg", "toolbar"))
-}
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
     """Draw and save in the style of all figures, whatever the machine's own settings are."""
-    settings: Any = {**_PLAIN, **_STYLE}
-    with _ONE_AT_A_TIME, rc_context(rc=settings):
+    with _ONE_AT_A_TIME, style.context(["default", _STYLE]):
         yield
 
 
