@@ -15,7 +15,6 @@ from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.recruitment.quality_flags import Flag, Grade, QualityFlag
 
 SAW_SECONDS = 10.0  # of video, before standing still is a decision
-NOT_THE_VISITORS = frozenset({"network", "platform", "robot", "operator"})
 LEAST_INPUTS = 12
 REGULAR, VERY_REGULAR = 0.15, 0.08  # coefficients of variation of the lengths of inputs
 STILL = 0.01  # m/s, rad/s
@@ -44,7 +43,7 @@ def never_moved(session: SessionRecord) -> tuple[Grade, str] | None:
     """
     seen = session.ended - session.first_frame
     has_moved = math.isfinite(session.first_motion)
-    if has_moved or session.fault_side in NOT_THE_VISITORS or not seen >= SAW_SECONDS:
+    if has_moved or session.fault_side not in {"", "visitor"} or not seen >= SAW_SECONDS:
         return None
     return Grade.SERIOUS, f"saw the video for {seen:.0f} s, never moved"
 

@@ -32,20 +32,8 @@ from experiments.analysis.statistics.regression import (
     compare_drives,
     fit_family,
 )
-from experiments.analysis.tables.comparisons import (
-    DIFFERENCE,
-    READ_AS,
-    REMARK,
-    TESTED,
-    Compared,
-    compared,
-    corrected_for,
-    estimated,
-    family,
-    head_of,
-    tested,
-)
-from experiments.analysis.tables.drive_outcomes import CENSORED_AT_END, ONLY_KNOWN, RATES, UNMOVED
+from experiments.analysis.tables import comparisons, drive_outcomes
+from experiments.analysis.tables.comparisons import Compared
 from experiments.analysis.tables.measures import StudyMeasures
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.table import Table, TableCell, number, probability
@@ -141,34 +129,34 @@ def _compared(one: DeclaredAnalysis, data: StudyMeasures) -> Table:
         _test_sides(one, data, measure, dict(zip(SIDES, sides, strict=True)))
         for measure, _, _, *sides in named
     ]
-    corrected, members = corrected_for(found)
+    corrected, members = comparisons.corrected_for(found)
     rows = [] if one.contrasts else list(_omnibus(one, data))
     for (measure, place, title, *_), (test, groups), p in zip(named, found, corrected, strict=True):
         plan = _planned(one, study, measure, contrast=place)
-        rows.append((measure, *compared(title, groups, test, p), *plan))
+        rows.append((measure, *comparisons.compared(title, groups, test, p), *plan))
     notes = (
         "Declared in the study's definition, which is frozen when the study is published."
         + ("" if one.contrasts else " all: every condition at once, corrected among themselves."),
         f"p (Holm): {members} different tests of contrasts are one family.",
         RULES[study.analysis.counts],
         *_about_metrics(one),
-        *READ_AS,
+        *comparisons.READ_AS,
         "r: rank-biserial correlation; ε²: epsilon squared. Difference of ranks: Hodges-Lehmann.",
     )
-    head = ("Measure", "Contrast", *head_of(SIDES), *_plan_head(study))
+    head = ("Measure", "Contrast", *comparisons.head_of(SIDES), *_plan_head(study))
     return Table.of(name_of(one), f"{_title(one, data)}.", head, rows, notes)
 
 
 def _about_metrics(one: DeclaredAnalysis) -> Iterator[str]:
     if one.test == "times":
-        yield CENSORED_AT_END
+        yield drive_outcomes.CENSORED_AT_END
     if one.test in {"times", "proportions"}:
-        yield UNMOVED
+        yield drive_outcomes.UNMOVED
         return
     if CENSORED.intersection(one.measures):
-        yield ONLY_KNOWN
+        yield drive_outcomes.ONLY_KNOWN
     if (PER_MINUTE | OF_COMPLETED).intersection(one.measures):
-        yield RATES
+        yield drive_outcomes.RATES
 
 
 def _test_sides(
@@ -193,11 +181,11 @@ def _test_sides(
 def _omnibus(one: DeclaredAnalysis, data: StudyMeasures) -> Iterator[Cells]:
     sides = {key: (key,) for key in conditions_of(data.dataset.study, one)}
     found = [_test_sides(one, data, measure, sides) for measure in one.measures]
-    corrected, _ = corrected_for(found)
-    blank = [""] * (len(head_of(SIDES)) - len(TESTED))
+    corrected, _ = comparisons.corrected_for(found)
+    blank = [""] * (len(comparisons.head_of(SIDES)) - len(comparisons.TESTED))
     for measure, (test, _), p in zip(one.measures, found, corrected, strict=True):
         plan = _planned(one, data.dataset.study, measure)
-        yield measure, "all", *blank, *tested(test, p), *plan
+        yield measure, "all", *blank, *comparisons.tested(test, p), *plan
 
 
 def conditions_of(study: StudyDefinition, one: DeclaredAnalysis) -> tuple[str, ...]:
@@ -225,7 +213,7 @@ def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]
     corrected = iter(holm(ps))
     head = (
         *("Measure", "Effect", "Participants", "Observations", "Test", "Statistic", "df", "df 2"),
-        *("p", "p (Holm)", *DIFFERENCE, REMARK),
+        *("p", "p (Holm)", *comparisons.DIFFERENCE, comparisons.REMARK),
     )
     rows: list[Cells] = []
     for measure, model in fits.items():
@@ -244,11 +232,11 @@ def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]
                     *(measure, test.name, model.participants, model.observations),
                     *(TESTS[one.test], number(test.f, 2), number(test.df[0], 0)),
                     *(number(test.df[1], 1), probability(test.p), p),
-                    *(*estimated(test.difference, 3), model.remark, *plan),
+                    *(*comparisons.estimated(test.difference, 3), model.remark, *plan),
                 )
             )
     about = (MODELS[one.test], *(() if one.test == "mixed" else (CLUSTERED,)))
-    notes = (*about, IN_SUM_CODING, family(len(ps)), *_about_metrics(one))
+    notes = (*about, IN_SUM_CODING, comparisons.family(len(ps)), *_about_metrics(one))
     heads = (*head, *_plan_head(study))
     return (
         Table.of(name_of(one), f"{_title(one, data)}.", heads, rows, notes),
@@ -265,7 +253,7 @@ def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]
 def _coefficients(measure: str, model: FittedModel) -> Iterator[Cells]:
     for it in model.coefficients:
         yield (
-            *(measure, it.name, *estimated(it.estimate, 3), number(it.error, 3)),
+            *(measure, it.name, *comparisons.estimated(it.estimate, 3), number(it.error, 3)),
             *(number(it.t, 2), number(it.df, 1), probability(it.p)),
         )
     for name, value in model.spreads:
