@@ -19,7 +19,7 @@ NEAR_DOCK, OFF_DOCK = 0.8, 1.1  # m: coming nearer is an attempt to dock, going 
 
 @dataclass(frozen=True)
 class Milestones:
-    """Times in the session's seconds, NaN of those not reached; checkpoints by number, without 0."""
+    """Times in the session's seconds, NaN if not reached; checkpoints by number, without 0."""
 
     start: float = math.nan
     motion: float = math.nan

@@ -74,7 +74,7 @@ class Trajectory:
 
 
 def drive(track: Trajectory) -> dict[str, float]:
-    """Return the metrics of DRIVING (definitions.py) of a track, for the time that has states."""
+    """Return the metrics of driving (metrics.csv) of a track, for the time that has states."""
     states, seconds = track.states, track.lasts
     seen = seconds > 0.0
     is_moving = (np.abs(states["linear"]) > STANDING) | (np.abs(states["angular"]) > TURNING)

@@ -178,7 +178,7 @@ def _together(known: Counts, seen: Bools) -> Bools:
 def _pieces(
     known: Counts, position: Floats, at: Floats, seen: Bools
 ) -> tuple[list[Counts], float, int]:
-    """Return pieces of states without gap or jump, metres straight over gaps, and number of jumps."""
+    """Return pieces of states without gap or jump, metres straight over gaps, and jumps."""
     together = _together(known, seen)
     steps = np.hypot(*np.diff(position[known], axis=0).T)
     jumped = steps > JUMP_SPEED * np.maximum(np.diff(at[known]), 0.0) + JUMP_SLACK

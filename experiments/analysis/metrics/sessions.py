@@ -1,4 +1,4 @@
-"""The metrics of sessions and of segments between checkpoints; what cannot be known is NaN, not 0."""
+"""Metrics of sessions and of segments between checkpoints; what cannot be known is NaN, not 0."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
