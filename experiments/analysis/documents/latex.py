@@ -25,7 +25,7 @@ PREAMBLE = "% Needs \\usepackage{booktabs} in the preamble.\n"
 
 
 def latex(text: str) -> str:
-    """Return text that LaTeX prints literally, other alphabets unchanged (UTF-8 since LaTeX 2018)."""
+    """Return text that LaTeX prints literally, other alphabets unchanged (LaTeX reads UTF-8)."""
     return _LIGATURE.sub(lambda found: found[0] + _BETWEEN, text).translate(_LATEX)
 
 

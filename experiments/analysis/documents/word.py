@@ -35,7 +35,7 @@ _W = "http://schemas.openxmlformats.org/wordprocessingml/2006/main"
 
 
 def table_document(table: Table) -> bytes:
-    """Return a table as a document, in parts where it is wide, with the lines of the APA's tables."""
+    """Return a table as a document, in parts if it is wide, with the lines of the APA's tables."""
     return _document("".join(_part(part) for part in parts_of(table)))
 
 

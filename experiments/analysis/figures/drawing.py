@@ -16,7 +16,6 @@ from typing import Any
 
 from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 
 from experiments.analysis.tables.people import of_whom, title_of
@@ -24,16 +23,9 @@ from experiments.analysis.tables.table import Table
 from experiments.dataset.records import ParticipantRecord
 
 WIDTH = 7.0  # inches: a page's two columns
-# Colours for readers who cannot distinguish red and green (after ColorBrewer's RdBu, Brewer et al.,
-# 2003).
-SCALE = {
-    5: ("#b2182b", "#ef8a62", "#f0f0f0", "#67a9cf", "#2166ac"),
-    7: ("#8c1020", "#d6604d", "#f4a582", "#f0f0f0", "#92c5de", "#4393c3", "#1c5796"),
-}
-# Both ends of a scale are dark in a grey print: parts below the middle are hatched.
-HATCH = "////"
-# Six of the eight colours of Okabe and Ito (2008), in the order in which neighbours differ most in
-# lightness, and a marker and a line for each, for prints without colours.
+# Six of the eight colours of Okabe and Ito (2008), for readers who cannot distinguish red and green,
+# in the order in which neighbours differ most in lightness, and a marker and a line for each, for
+# prints without colours.
 ROBOTS = ("#D55E00", "#56B4E9", "#000000", "#E69F00", "#0072B2", "#CC79A7")
 MARKERS = ("D", "o", "s", "^", "v", "P")
 DASHES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 4)))
@@ -103,14 +95,6 @@ def panels(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]
     for empty in axes[count:]:
         empty.set_axis_off()
     return figure, axes[:count]
-
-
-def colours_of(values: int) -> tuple[str, ...]:
-    """Return the colours of a scale with a number of values, from the least to the greatest."""
-    if values in SCALE:
-        return SCALE[values]
-    blend = LinearSegmentedColormap.from_list("scale", SCALE[7])
-    return tuple(to_hex(blend(place / max(1, values - 1))) for place in range(values))
 
 
 def _saved(

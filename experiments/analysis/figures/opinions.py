@@ -15,7 +15,6 @@ from matplotlib.patches import Patch
 
 from experiments.analysis.figures.drawing import (
     FAINT,
-    HATCH,
     INK,
     NEGATIVE,
     POSITIVE,
@@ -50,7 +49,7 @@ POINT: Look = {"marker": "D", "markersize": 3.4, "color": INK, "linestyle": "non
 INTERVAL: Look = {"ecolor": INK, "elinewidth": 1.1, "capsize": 2.2, "fmt": "none"}
 # Both sides of a balance; what is below the middle is hatched, for grey prints.
 LOOKS: tuple[Look, Look] = (
-    {"facecolor": NEGATIVE, "edgecolor": INK, "linewidth": 0.3, "hatch": HATCH},
+    {"facecolor": NEGATIVE, "edgecolor": INK, "linewidth": 0.3, "hatch": "////"},
     {"facecolor": POSITIVE, "edgecolor": INK, "linewidth": 0.3, "hatch": ""},
 )
 LEAST_LABELLED = 6.0  # per cent, below which no number fits into a bar

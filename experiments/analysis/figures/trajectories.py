@@ -155,7 +155,7 @@ def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPa
 def _shown(
     dataset: Dataset, panels: Sequence[TrajectoryPanel], ways: Mapping[str, Floats], site: str
 ) -> list[Floats]:
-    """Return the trajectories of a site's panels, and the checkpoints of courses that were driven."""
+    """Return the trajectories of a site's panels, and the checkpoints of courses in use."""
     here = [panel for panel in panels if panel.site == site and panel.own]
     driven = {panel.series for panel in here}
     courses = [one for one in dataset.study.courses if one.site == site and one.robot in driven]
@@ -178,7 +178,7 @@ def _layout(views: Sequence[Floats | None]) -> tuple[int, float]:
 
 
 def _panel_title(dataset: Dataset, panel: TrajectoryPanel, columns: int) -> str:
-    """Return the label, the robot unless the condition begins with it, the condition, and amounts."""
+    """Return label, robot (unless the condition begins with it), condition, and amounts."""
     name = _robot_name(dataset, panel.series)
     titles = {one.key: dataset.say(one.title) for one in dataset.study.conditions}
     condition = titles.get(panel.condition, panel.condition)

@@ -167,7 +167,7 @@ def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
 
 
 def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: float) -> Table:
-    """Return the declared tests of the drives that count (`planned`) beside those of `every` drive."""
+    """Return the tests of the drives that count (`planned`) beside those of `every` drive."""
     others = dict(_tests(every))
     rows, changed = [], []
     for key, cells in _tests(planned):

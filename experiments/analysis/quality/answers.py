@@ -39,7 +39,7 @@ def answer_flags(dataset: Dataset) -> Iterator[Flag]:
 
 
 def speeding(seconds: float, items: int, others: Sequence[float]) -> Grade | None:
-    """Grade the seconds for `items` answers; None if enough. `others` are all participants' times."""
+    """Grade the seconds for `items` answers; None if enough. `others` are everyone's times."""
     if not math.isfinite(seconds) or not items:
         return None
     if seconds < items * SECONDS_PER_ITEM:

@@ -187,7 +187,7 @@ def correlation(first: Floats, second: Floats) -> Test:
 
 
 def by_fisher(size: float, error: float) -> IntervalEstimate:
-    """Return a number in [-1, 1] with its interval by Fisher's z, whose standard error is `error`."""
+    """Return a number in [-1, 1] with its interval by Fisher's z of standard error `error`."""
     if abs(size) >= 1.0:
         return IntervalEstimate(size)
     centre, slack = math.atanh(size), Z * error

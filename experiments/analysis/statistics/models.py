@@ -29,7 +29,7 @@ class CannotFitError(ValueError):
 
 @dataclass(frozen=True)
 class Design:
-    """The columns of a model: (n, k), their names, and their terms by number (0 is the intercept)."""
+    """The columns of a model, (n, k), their names, and their terms (0 is the intercept)."""
 
     columns: Floats
     names: tuple[str, ...]

@@ -1,4 +1,4 @@
-"""The outcomes of drives for tests; metrics/definitions.py says how those cut short are compared."""
+"""Outcomes of drives for tests; metrics/definitions.py says how those cut short are compared."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence

@@ -133,7 +133,7 @@ def against_network(measured: Sequence[Measured]) -> Table:
 
 
 def by_network(measured: Sequence[Measured]) -> Table:
-    """Return driving in classes of delay, loss and the like, and by the channel of most commands."""
+    """Return driving in classes of delay, loss and the like, and by the channel of commands."""
     rows = [row for cause in CAUSES for row in _classes(measured, cause)]
     for channel in WAYS:
         mostly = [one for one in measured if one.values[f"share_{channel}"] > 0.5]

@@ -48,7 +48,7 @@ Rows = Iterator[tuple[object, ...]]
 
 
 def flow(dataset: Dataset) -> Table:
-    """Return how many participants reached each stage, why the others did not, and how tasks ended."""
+    """Return how many reached each stage, why the others did not, and how tasks ended."""
     found, people = _Flow(dataset), dataset.participants
     rows = list(found.rows(people, "all"))
     cells = dict.fromkeys(filter(None, map(_first_cell, people)))

@@ -84,7 +84,7 @@ class StudyMeasures:
         return [], ComparedSide(dict(sorted(values.items())), ids)
 
     def covariate(self, name: str) -> tuple[dict[str, str | float], tuple[str, ...]]:
-        """Return a covariate by participant, and its levels in the questionnaire's order, if any."""
+        """Return a covariate by participant, and its levels, if any, in their order."""
         if name == AGE:
             return {one.id: one.age for one in self.dataset.participants if one.age == one.age}, ()
         questionnaire, _, item = name.partition(".")

@@ -60,7 +60,7 @@ def table_1(dataset: Dataset) -> Table:
 
 
 def table_3(dataset: Dataset) -> Table:
-    """Return the sessions by operating system and browser: the paper's, others, and unknown ones."""
+    """Return the sessions by operating system and browser: the paper's, others, unknown ones."""
     found = [(one.os or OTHER, one.browser or OTHER, one.id) for one in dataset.sessions]
     systems = _with_others(SYSTEMS, (system for system, _, _ in found))
     browsers = _with_others(BROWSERS, (browser for _, browser, _ in found))

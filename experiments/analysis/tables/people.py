@@ -131,7 +131,7 @@ def _has(question: Question, answer: object, value: str | int) -> bool:
 
 
 def counted_by_kind(people: Sequence[ParticipantRecord], *always: Kind) -> str:
-    """Return how many there are of each kind, `0 participants, 24 bots`, also of those in `always`."""
+    """Return `0 participants, 24 bots`: kinds that took part, and those in `always`."""
     found = Counter[str](one.kind for one in people)
     named = [kind for kind in KINDS if found[kind] or kind in always]
     return ", ".join(amount(found[kind], kind) for kind in named)

@@ -60,7 +60,7 @@ def _was_asked(response: ResponseRecord, key: str) -> bool:
 
 @dataclass(frozen=True)
 class ScoredQuestionnaire:
-    """A questionnaire, its scales (whole, topics, parts of the TLX), and groups of its responses."""
+    """A questionnaire, its scales (whole, topics, parts of the TLX), and grouped responses."""
 
     definition: Definition
     scales: tuple[ScoredScale, ...]

@@ -53,7 +53,7 @@ class Table:
 
 
 class SessionSets:
-    """Sets of sessions, each stored once; `number` is the index in `list(sets)`, None without any."""
+    """Sets of sessions, each stored once; `number` is its index in `list(sets)`, None if empty."""
 
     def __init__(self) -> None:
         self._numbers: dict[tuple[str, ...], int] = {}
