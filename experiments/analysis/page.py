@@ -1,7 +1,7 @@
-"""A report as a page needs it: what is printed in each cell, and the sessions behind it by the
-number of their set. Files name conditions by their keys, pages by their titles.
+"""A report as files for a page: the text of each cell, and the number of its set of
+sessions. Files name conditions by their keys, pages by their titles.
 
-<selection>/page/summary.json        tables without their rows, figures with what is behind each
+<selection>/page/summary.json        tables without their rows, figures with the sessions of each
 part, verdicts, sessions <selection>/page/sets.json           sets of sessions, by number
 <selection>/page/table-<name>.json   rows of a table: [text, number of the set or null] a cell
 """
@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from experiments.analysis.tables.table import SessionSets, Table
 
-if TYPE_CHECKING:  # it draws with matplotlib, which whoever only reads a page does not need
+if TYPE_CHECKING:  # it imports matplotlib, which readers of a page do not need
     from experiments.analysis.figures.drawing import Drawing
     from experiments.analysis.report import Report
 

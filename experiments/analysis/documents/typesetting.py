@@ -19,7 +19,7 @@ class Run:
     position: Position = ""
 
 
-# Symbols as the APA sets them: Latin letters in italics, Greek ones and subscripts that are words
+# Symbols as the APA sets them: Latin in italics, Greek and subscripts that are words
 # upright (Publication Manual, 7th edition, section 6.44).
 SYMBOLS: dict[str, tuple[Run, ...]] = {
     "p (Holm)": (Run("p", italic=True), Run("Holm", position="sub")),

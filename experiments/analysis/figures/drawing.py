@@ -23,9 +23,8 @@ from experiments.analysis.tables.table import Table
 from experiments.dataset.records import ParticipantRecord
 
 WIDTH = 7.0  # inches: a page's two columns
-# Six of the eight colours of Okabe and Ito (2008), for readers who cannot distinguish red and green,
-# in the order in which neighbours differ most in lightness, and a marker and a line for each, for
-# prints without colours.
+# Six of the eight colours of Okabe and Ito (2008), for colour-blind readers, in the order in which
+# neighbours differ most in lightness, with a marker and a line each, for prints without colours.
 ROBOTS = ("#D55E00", "#56B4E9", "#000000", "#E69F00", "#0072B2", "#CC79A7")
 MARKERS = ("D", "o", "s", "^", "v", "P")
 DASHES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 4)))

@@ -15,7 +15,7 @@ from experiments.definition.schema import StudyCheckpoint
 from robots.api.floorplan import ChargingDock, Door, FloorPlan, Furniture
 from robots.world.solids import bar
 
-BELOW = 0.1  # of the width of what is shown: the room below it, for the scale bar
+BELOW = 0.1  # share of the width that is added below, for the scale bar
 BARS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # lengths of a scale bar, in metres
 MARGIN, AROUND = 0.35, 1.0  # m: around a plan, and around the ways in a part of it
 LONGEST_STEP = 1.0  # m: a line is not drawn between places that are farther apart

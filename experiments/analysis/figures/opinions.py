@@ -47,7 +47,7 @@ WHOLE = 330.0  # square points: the disc of all answers
 DISC: Look = {"facecolor": "#c9dcec", "edgecolor": "#54697c", "linewidths": 0.5}
 POINT: Look = {"marker": "D", "markersize": 3.4, "color": INK, "linestyle": "none"}
 INTERVAL: Look = {"ecolor": INK, "elinewidth": 1.1, "capsize": 2.2, "fmt": "none"}
-# Both sides of a balance; what is below the middle is hatched, for grey prints.
+# Both sides of a balance; the lower one is hatched, for grey prints.
 LOOKS: tuple[Look, Look] = (
     {"facecolor": NEGATIVE, "edgecolor": INK, "linewidth": 0.3, "hatch": "////"},
     {"facecolor": POSITIVE, "edgecolor": INK, "linewidth": 0.3, "hatch": ""},

@@ -3,10 +3,10 @@
 VERSION changes with any definition, so that numbers of two releases are not mixed.
 
 A session that was cut short drove less, collided less and took less time than one that completed
-the task, so it is never averaged with others as if it had. The column `compared` says what is done
-instead: `proportions` are tested as such; in place of `counts`, and of other amounts that grow with
-the time driven (`per minute`), comparisons take rates per minute; `times` are at least as long as
-the session if they never came; amounts of the whole task are those of `completed` ones.
+the task, so it is never averaged with others as if it had. The column `compared` names the
+alternative: `proportions` are tested as such; in place of `counts`, and of other amounts that grow
+with the time driven (`per minute`), comparisons take rates per minute; `times` are at least as long
+as the session if they never came; amounts of the whole task are those of `completed` ones.
 """
 
 import csv

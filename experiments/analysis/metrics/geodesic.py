@@ -16,7 +16,7 @@ from robots.world.cell_graph import KNIGHT, CellGraph
 from robots.world.render_plan import rasterise
 
 RADIUS = 0.22  # m: half of the narrower side of the robots that there are
-REACH = 1.0  # m: a point nearer to something than RADIUS stands for the nearest cell within this
+REACH = 1.0  # m: points nearer to an obstacle than RADIUS are moved to a free cell within this
 Point = tuple[float, float]
 
 

@@ -116,13 +116,13 @@ def _stops(speed: Floats, at: Floats, gap_follows: Bools) -> int:
     speed, at, stretch = speed[known], at[known], stretch[known]
     if not speed.size:
         return 0
-    standing = speed < STANDING
-    edges = np.flatnonzero(np.diff(standing) | (np.diff(stretch) > 0)) + 1
+    is_still = speed < STANDING
+    edges = np.flatnonzero(np.diff(is_still) | (np.diff(stretch) > 0)) + 1
     starts = np.concatenate(([0], edges))
     ends = np.concatenate((edges, [len(speed)])) - 1
     count, went = 0, False
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        if not standing[start]:
+        if not is_still[start]:
             went = went or bool((speed[start : end + 1] > GOING).any())
         elif went and at[end] - at[start] >= STOP_SECONDS:
             count, went = count + 1, False

@@ -10,8 +10,8 @@ regression*):
     minimize   sum |z_i - y_i|² / σ²   +   ∫ |z''|² dt / q
 
 Its σ is that of the session's own positions, by differences (Gasser, Sroka and Jennen-Steinmetz
-1986, *Residual variance and residual pattern in nonlinear regression*). What is left of the noise
-is less than a dead band of BAND times σ. Odometry does not tremble, but wheels slip: where they
+1986, *Residual variance and residual pattern in nonlinear regression*). The remaining noise
+is below a dead band of BAND times σ. Odometry does not tremble, but wheels slip: where they
 turned for much more than the position moved, the position counts.
 """
 

@@ -43,7 +43,7 @@ class Measured:
     milestones: Milestones
     values: Values
     segments: tuple[CheckpointSegment, ...]
-    way: Floats
+    positions: Floats
 
 
 def measure_all(dataset: Dataset) -> list[Measured]:
@@ -66,14 +66,14 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
         dock = course.checkpoints[0]
         attempts = docking_attempts(task, (dock.x, dock.y), found.last_checkpoint)
         values["docking_attempts"] = float(attempts)
-    driven = [one.values for one in segments if not math.isnan(one.values["efficiency"])]
-    if driven:
+    known = [one.values for one in segments if not math.isnan(one.values["efficiency"])]
+    if known:
         for name in ("shortest", "efficiency_bounded"):
-            values[name] = math.fsum(one[name] for one in driven)
-        values["efficiency"] = _share(values["shortest"], math.fsum(map(_driven, driven)))
-    way = np.column_stack((task.states["x"], task.states["y"]))
-    way = way[np.isfinite(way).all(axis=1)]
-    return Measured(session, found, _ordered(values, METRICS), segments, way)
+            values[name] = math.fsum(one[name] for one in known)
+        values["efficiency"] = _share(values["shortest"], math.fsum(map(_distance, known)))
+    positions = np.column_stack((task.states["x"], task.states["y"]))
+    positions = positions[np.isfinite(positions).all(axis=1)]
+    return Measured(session, found, _ordered(values, METRICS), segments, positions)
 
 
 def _ordered(values: Values, columns: Iterable[Column]) -> Values:
@@ -201,10 +201,10 @@ def _segments(
         during = network[(network["stamp"] >= start) & (network["stamp"] <= at)]
         values = {"seconds": at - start, "seen": part.share_seen(at - start)}
         values |= _numbers(part, during)
-        shortest, driven = _shortest(dataset, session, part, (end.x, end.y)), _driven(values)
-        values |= {"shortest": shortest, "efficiency": _share(shortest, driven)}
-        if driven > 0.0:
-            values["efficiency_bounded"] = float(shortest > driven)
+        shortest, path = _shortest(dataset, session, part, (end.x, end.y)), _distance(values)
+        values |= {"shortest": shortest, "efficiency": _share(shortest, path)}
+        if path > 0.0:
+            values["efficiency_bounded"] = float(shortest > path)
         ordered = _ordered(values, SEGMENT_METRICS)
         yield CheckpointSegment(session.id, number, begin.number, end.number, start, at, ordered)
 
@@ -221,7 +221,7 @@ def _shortest(
     return nearer(plan, frozenset(session.doors_closed), goal, first, last)
 
 
-def _driven(values: Values) -> float:
+def _distance(values: Values) -> float:
     """Return the distance driven including gaps, which the shortest path covers, too."""
     return values.get("path", 0.0) + values.get("path_unseen", 0.0)
 

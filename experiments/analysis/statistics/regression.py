@@ -150,7 +150,7 @@ def _coefficients(
             model = PHReg(values, columns, status=weights)
             estimates = np.asarray(model.fit(disp=0).params)
             inverse = np.linalg.inv(model.hessian(estimates))
-            if not -inverse.diagonal().min() <= LARGEST**2:  # several may share what is unbounded
+            if not -inverse.diagonal().min() <= LARGEST**2:  # an unbounded one may be shared
                 raise CannotFitError(SEPARATED)
             # statsmodels has no covariance by groups where a drive was never at risk
             summed = _by_participant(_residuals(model, estimates), groups, people)

@@ -164,14 +164,14 @@ class _Flow:
 
 def orders(dataset: Dataset) -> Table:
     """Return how many participants had each order of conditions, a check of counterbalancing."""
-    driven: dict[str, set[str]] = {}
+    conditions: dict[str, set[str]] = {}
     for one in dataset.sessions:
-        driven.setdefault(one.participant, set()).add(one.condition)
+        conditions.setdefault(one.participant, set()).add(one.condition)
     rows = []
     for cell in sorted({one.cell for one in dataset.participants if "-" in one.cell}):
         own = [one.id for one in dataset.participants if one.cell == cell]
-        some = [who for who in own if who in driven]
-        whole = [who for who in some if driven[who] >= set(cell.split("-"))]
+        some = [who for who in own if who in conditions]
+        whole = [who for who in some if conditions[who] >= set(cell.split("-"))]
         rows.append((cell, *(people_count(dataset, ids) for ids in (own, some, whole))))
     head = ("Condition", "Assigned", "With a drive that counts", "With all conditions")
     return Table.of("orders", "Participants by order of conditions.", head, rows)

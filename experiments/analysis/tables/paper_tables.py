@@ -47,8 +47,8 @@ def table_1(dataset: Dataset) -> Table:
     """
     wanted = {one.robot for one in dataset.study.conditions}
     own = [one.name for one in dataset.robots if one.series in wanted]
-    driven = [one.robot for one in dataset.sessions]
-    robots = [dataset.robot(name) for name in dict.fromkeys([*own, *driven])]
+    used = [one.robot for one in dataset.sessions]
+    robots = [dataset.robot(name) for name in dict.fromkeys([*own, *used])]
     facts = dict.fromkeys(name for robot in robots for name in robot.facts)
     rows = [(name, *(robot.facts.get(name, "–") for robot in robots)) for name in facts]
     sessions = (
