@@ -29,48 +29,13 @@ from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
-from experiments.analysis.plan.hypotheses import (
-    SENSITIVITY,
-    by_row,
-    decisions_of,
-    exclusion_effects,
-    exclusions_table,
-    hypotheses_table,
-    marked_figure,
-    marked_table,
-)
+from experiments.analysis.plan import hypotheses
 from experiments.analysis.plan.reporting_sheet import reporting_sheet
+from experiments.analysis.tables import delays, effects, flow, paper_tables, people, summaries
 from experiments.analysis.tables.declared import declared
-from experiments.analysis.tables.delays import ages, safety_limits
-from experiments.analysis.tables.effects import (
-    against_network,
-    by_network,
-    compare_conditions,
-    learning,
-    learnt,
-    outcomes_by_condition,
-)
-from experiments.analysis.tables.flow import fault_sides, flow, funnel, orders
-from experiments.analysis.tables.paper_tables import (
-    compare_answers,
-    table_1,
-    table_3,
-    table_4,
-    table_5,
-)
-from experiments.analysis.tables.people import note_of, of_whom, participants_table, table_2
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
 from experiments.analysis.tables.software import software_table
-from experiments.analysis.tables.summaries import (
-    Problems,
-    metrics_table,
-    problems_of,
-    segment_spreads,
-    segments_table,
-    sessions_table,
-    verdicts_table,
-)
 from experiments.analysis.tables.table import SessionSets, Table, as_csv
 from experiments.dataset.counting import attempted, counting
 from experiments.dataset.levels import Kind
@@ -83,12 +48,10 @@ _NO_TEST = "No test could be computed: there are too few cases."
 
 @dataclass(frozen=True)
 class Report:
-    """The tables and figures of a selection of drives, with the drives' numbers, those of drives
-    that do not count, the verdicts on their records, and what each condition is called, by its key.
-
-    `alpha` is the level of significance, and `decisions` are the hypotheses on which declared tests
-    decide: none in a sensitivity analysis. `note` tells of whom the report is where that is not
-    participants alone, and that it is a sensitivity analysis.
+    """The report on a selection of drives. `problems` are the rules that records fail, by session;
+    `titles` are those of conditions, by key; `decisions` are the hypotheses on which declared tests
+    decide, none in a sensitivity analysis; `note` says what participants are, if not participants
+    alone.
     """
 
     name: str
@@ -96,7 +59,7 @@ class Report:
     figures: tuple[Drawing, ...]
     measured: tuple[Measured, ...]
     others: tuple[Measured, ...]
-    problems: dict[str, Problems]
+    problems: dict[str, summaries.Problems]
     titles: dict[str, str]
     alpha: float
     decisions: Decisions = field(default_factory=dict)
@@ -104,16 +67,14 @@ class Report:
 
 
 def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Iterator[Report]:
-    """Yield the report on the drives that count and, where something is excluded, the sensitivity
-    analysis with the excluded ones.
-    """
+    """Yield the report on what counts and, if something is excluded, the sensitivity analysis."""
     planned, every = counting(dataset, kinds), counting(dataset, kinds, with_excluded=True)
     task_drives = replace(planned, sessions=(*planned.sessions, *planned.others), others=())
     measured = {one.session.id: one for one in measure_all(task_drives)}
     if [one.id for one in every.sessions] == [one.id for one in planned.sessions]:
         yield report(planned, measured, dataset)
         return
-    effects = exclusion_effects(
+    effects = hypotheses.exclusion_effects(
         declared(planned, _measured(attempted(planned), measured)),
         declared(every, _measured(attempted(every), measured)),
         alpha_of(dataset.study),
@@ -123,63 +84,50 @@ def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Itera
 
 
 def alpha_of(study: StudyDefinition) -> float:
-    """Return the level of significance of a study."""
     return (study.plan or StudyPlan()).alpha
 
 
 def _measured(sessions: Sequence[SessionRecord], found: Mapping[str, Measured]) -> list[Measured]:
-    """Return drives with their numbers, with what a selection says of them."""
     return [replace(found[one.id], session=one) for one in sessions]
 
 
 def report(
     dataset: Dataset, numbers: Mapping[str, Measured], whole: Dataset, *also: Table
 ) -> Report:
-    """Return the tables and figures of a dataset of what counts.
-
-    Args:
-        dataset: of what counts (dataset/counting.py).
-        numbers: its drives and the others as they were measured, by session.
-        whole: the dataset that it was chosen from.
-        also: more tables on exclusions.
+    """Return the report on a dataset of what counts, which was chosen from `whole`. `numbers` are
+    the drives as measured, by session; `also` has more tables on exclusions.
     """
     measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
     quality = dataset.study.quality
-    problems = {one.session.id: problems_of(one, quality) for one in (*measured, *others)}
+    problems = {one.session.id: summaries.problems_of(one, quality) for one in (*measured, *others)}
     attempts = _measured(attempted(dataset), numbers)
     study, tested = dataset.study, declared(dataset, attempts)
-    decisions = [] if dataset.is_with_excluded else decisions_of(study, tested)
+    is_sensitivity = dataset.is_with_excluded
+    decisions = [] if is_sensitivity else hypotheses.decisions_of(study, tested)
     tables = [*_tables(dataset, measured, others, attempts, problems), *tested]
-    if not dataset.is_with_excluded:
+    if not is_sensitivity:
         sheet = reporting_sheet(dataset, measured, whole.participants)
-        found = hypotheses_table(study, decisions)
-        tables += [found, *also, exclusions_table(dataset.exclusions), sheet]
-    notes = (note_of(dataset.participants), SENSITIVITY if dataset.is_with_excluded else "")
+        tables += [hypotheses.hypotheses_table(study, decisions), *also]
+        tables += [hypotheses.exclusions_table(dataset.exclusions), sheet]
+    tables = [hypotheses.marked_table(one, is_sensitivity=is_sensitivity) for one in tables]
+    figures = (
+        hypotheses.marked_figure(study, one, is_sensitivity=is_sensitivity)
+        for one in _figures(dataset, measured)
+    )
+    who = dataset.participants
+    notes = (people.note_of(who), hypotheses.SENSITIVITY if is_sensitivity else "")
     return Report(
-        name=EVERY if dataset.is_with_excluded else COUNTING,
-        tables=(*_marked_tables(dataset, tables), software_table()),
-        figures=tuple(_marked_figures(dataset, measured)),
+        name=EVERY if is_sensitivity else COUNTING,
+        tables=(*(people.of_whom(one, who) for one in tables), software_table()),
+        figures=tuple(drawn_of_whom(one, who) for one in figures),
         measured=tuple(measured),
         others=tuple(others),
         problems=problems,
         titles={one.key: dataset.say(one.title) or one.key for one in study.conditions},
         alpha=alpha_of(study),
-        decisions=by_row(decisions),
+        decisions=hypotheses.by_row(decisions),
         note=" ".join(filter(None, notes)),
     )
-
-
-def _marked_tables(dataset: Dataset, tables: Sequence[Table]) -> Iterator[Table]:
-    """Yield tables that say of whom they are, and whether they were planned."""
-    for table in tables:
-        marked = marked_table(table, is_sensitivity=dataset.is_with_excluded)
-        yield of_whom(marked, dataset.participants)
-
-
-def _marked_figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:
-    for one in _figures(dataset, measured):
-        marked = marked_figure(dataset.study, one, is_sensitivity=dataset.is_with_excluded)
-        yield drawn_of_whom(marked, dataset.participants)
 
 
 def _tables(
@@ -187,20 +135,28 @@ def _tables(
     measured: Sequence[Measured],
     others: Sequence[Measured],
     attempts: Sequence[Measured],
-    problems: Mapping[str, Problems],
+    problems: Mapping[str, summaries.Problems],
 ) -> Iterator[Table]:
     conditions = [one.key for one in dataset.study.conditions]
     all_drives = (*measured, *others)
-    yield from (table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset))
-    yield from (table_5(dataset), *(table_5(dataset, it) for it in conditions if conditions[1:]))
-    yield from (participants_table(dataset), flow(dataset), orders(dataset))
-    yield from (funnel(dataset, all_drives), metrics_table(measured), segment_spreads(measured))
-    yield from (sessions_table(all_drives, problems), segments_table(measured))
-    yield from (verdicts_table(measured, problems, others), fault_sides(dataset))
-    yield from (outcomes_by_condition(dataset, attempts), compare_conditions(dataset, attempts))
-    yield from (compare_answers(dataset), *score_tables(dataset), reliability_table(dataset))
-    yield from (against_network(measured), by_network(measured), ages(dataset, measured))
-    yield from (safety_limits(dataset, measured), learning(measured), learnt(measured))
+    yield from (paper_tables.table_1(dataset), people.table_2(dataset))
+    yield from (paper_tables.table_3(dataset), paper_tables.table_4(dataset))
+    for condition in (None, *(conditions if conditions[1:] else ())):
+        yield paper_tables.table_5(dataset, condition)
+    yield from (people.participants_table(dataset), flow.flow(dataset), flow.orders(dataset))
+    yield from (flow.funnel(dataset, all_drives), summaries.metrics_table(measured))
+    yield summaries.segment_spreads(measured)
+    yield summaries.sessions_table(all_drives, problems)
+    yield summaries.segments_table(measured)
+    yield summaries.verdicts_table(measured, problems, others)
+    yield flow.fault_sides(dataset)
+    yield effects.outcomes_by_condition(dataset, attempts)
+    yield effects.compare_conditions(dataset, attempts)
+    yield paper_tables.compare_answers(dataset)
+    yield from (*score_tables(dataset), reliability_table(dataset))
+    yield from (effects.against_network(measured), effects.by_network(measured))
+    yield from (delays.ages(dataset, measured), delays.safety_limits(dataset, measured))
+    yield from (effects.learning(measured), effects.learnt(measured))
 
 
 def _figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:
@@ -243,25 +199,31 @@ def analyse(
 
 def write(found: Report, folder: Path, *, png: bool = True) -> Iterator[Path]:
     """Write a report into a folder, and yield each file once it is written."""
+    for name, content in _files(found, png=png):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+        yield path
+
+
+def _files(found: Report, *, png: bool) -> Iterator[tuple[str, bytes]]:
     for table in found.tables:
-        yield _file(folder / "tables" / f"{table.name}.csv", as_csv(table).encode())
-        yield _file(folder / "tables" / f"{table.name}.tex", as_latex(table).encode())
-        yield _file(folder / "tables" / f"{table.name}.docx", table_document(table))
+        yield f"tables/{table.name}.csv", as_csv(table).encode()
+        yield f"tables/{table.name}.tex", as_latex(table).encode()
+        yield f"tables/{table.name}.docx", table_document(table)
     for drawing in found.figures:
-        yield _file(folder / "figures" / f"{drawing.name}.svg", as_svg(drawing))
-        yield _file(folder / "figures" / f"{drawing.name}.pdf", as_pdf(drawing))
+        yield f"figures/{drawing.name}.svg", as_svg(drawing)
+        yield f"figures/{drawing.name}.pdf", as_pdf(drawing)
         if png:
-            yield _file(folder / "figures" / f"{drawing.name}.png", as_png(drawing))
-        yield _file(folder / "figures" / f"{drawing.name}.csv", as_csv(drawing.numbers).encode())
+            yield f"figures/{drawing.name}.png", as_png(drawing)
+        yield f"figures/{drawing.name}.csv", as_csv(drawing.numbers).encode()
     for kind, content in _results(found).items():
-        yield _file(folder / f"results.{kind}", content)
-    yield _file(folder / "sources.json", json.dumps(sources(found), indent=1).encode() + b"\n")
+        yield f"results.{kind}", content
+    yield "sources.json", json.dumps(sources(found), indent=1).encode() + b"\n"
 
 
 def _results(found: Report) -> dict[str, bytes]:
-    """Return the sentences on all tests, by kind of file: first those that decide on hypotheses of
-    the plan, then the exploratory ones below the titles of their tables.
-    """
+    """Return the sentences on all tests, by kind of file: those that decide on hypotheses first."""
     text, tex, paragraphs = list[str](), list[str](), list[tuple[Run, ...]]()
     for title, sentences in _sections(found):
         text += [title, *(one.text for one in sentences), ""]
@@ -296,16 +258,8 @@ def _sections(found: Report) -> Iterator[tuple[str, list[Sentence]]]:
             yield f"{title} ({status}).", own
 
 
-def _file(path: Path, content: bytes) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-    return path
-
-
 def sources(found: Report) -> dict[str, Any]:
-    """Return which sessions are behind every cell (table, row, column) and every part of a figure
-    (figure, gid), by the number of their set in `sets`.
-    """
+    """Return the sessions behind every cell and every part of a figure, by their set's number."""
     sets = SessionSets()
     tables = {
         table.name: [[sets.number(cell.sessions) for cell in row] for row in table.rows]

@@ -63,7 +63,7 @@ def _files(study: Study, choice: Selection) -> Iterator[File]:
     for session, drive in zip(dataset.sessions, drives, strict=True):
         events = events_of([drive], replace(source.release, choice=ANALYSED))
         found = measure(dataset, session, events)
-        source.measured[session.id] = replace(found, segments=(), way=found.way[:0])
+        source.measured[session.id] = replace(found, segments=(), positions=found.positions[:0])
         for one in formats:
             yield from one.of_session(session, drive)
     for one in formats:

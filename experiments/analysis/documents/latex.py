@@ -25,14 +25,11 @@ PREAMBLE = "% Needs \\usepackage{booktabs} in the preamble.\n"
 
 
 def latex(text: str) -> str:
-    """Return text that LaTeX prints literally. Letters of other languages stay as they are: LaTeX
-    reads UTF-8 since 2018.
-    """
+    """Return text that LaTeX prints literally, other alphabets unchanged (LaTeX reads UTF-8)."""
     return _LIGATURE.sub(lambda found: found[0] + _BETWEEN, text).translate(_LATEX)
 
 
 def runs_as_latex(runs: Iterable[Run]) -> str:
-    """Return text with its italics, subscripts and superscripts."""
     return "".join(_run(run) for run in runs)
 
 
@@ -44,7 +41,6 @@ def _run(run: Run) -> str:
 
 
 def as_latex(table: Table) -> str:
-    """Return a table, in parts where it is wide, to be put into a paper."""
     return PREAMBLE + "\n".join(_part(part) for part in parts_of(table))
 
 
@@ -69,7 +65,6 @@ def _part(table: Table) -> str:
 
 
 def _columns(table: Table) -> str:
-    """Return the alignment of each column: numbers to the right, words to the left."""
     return "".join(
         "r" if any(row[place].value is not None for row in table.rows) else "l"
         for place in range(len(table.head))

@@ -1,6 +1,6 @@
-"""The tests of a table as sentences in the style of the APA (Publication Manual, 7th edition,
-sections 6.36 and 6.40 to 6.45): symbols in italics, no zero before the point of what cannot exceed
-1, p with three decimals and nothing below .001, and an interval behind each effect.
+"""Tests as sentences of the APA (Publication Manual, 7th edition, 6.36 and 6.40 to 6.45): symbols
+in italics, no zero before the point of what cannot exceed 1, no p below .001, intervals behind
+effects.
 """
 
 import math
@@ -47,9 +47,7 @@ NEEDED = frozenset({"Test", "Statistic", "p", REMARK})
 
 @dataclass(frozen=True)
 class Sentence:
-    """The result of a test, the table that it is in, and the hypothesis of the plan that it decides
-    on; without one it is exploratory.
-    """
+    """The result of a test in a table, and the plan's hypothesis that it decides on, if any."""
 
     table: str
     runs: tuple[Run, ...]
@@ -57,21 +55,13 @@ class Sentence:
 
     @property
     def text(self) -> str:
-        """The sentence without italics."""
         return plain(self.runs)
 
 
 def sentences_of(
     table: Table, alpha: float, decisions: Decisions = NO_DECISIONS
 ) -> Iterator[Sentence]:
-    """Yield a sentence for each row of a table that has a test, and for each hypothesis that it
-    decides on; none for other tables.
-
-    Args:
-        table: of a report.
-        alpha: the level of significance.
-        decisions: of declared tests, the hypotheses of the plan and p as corrected in their family.
-    """
+    """Yield a sentence for each test of a table, and for each hypothesis that it decides on."""
     if not set(table.head) >= NEEDED:
         return
     for row in table.rows:
@@ -89,7 +79,7 @@ def key_of(table: Table, cells: Mapping[str, TableCell]) -> RowKey:
 
 
 def _sentence(table: Table, cells: Cells, alpha: float, hypothesis: str, in_family: float) -> str:
-    method, letter = METHODS[cells["Test"].text]
+    method, sign = METHODS[cells["Test"].text]
     method = _ITALIC.sub(lambda found: marked(found[0]), method)
     p_values: dict[str, float] = {
         name: value
@@ -101,18 +91,18 @@ def _sentence(table: Table, cells: Cells, alpha: float, hypothesis: str, in_fami
     names = [name for name in table.head[: table.head.index("Test")] if ":" not in name]
     label = ", ".join(cells[name].text for name in names if cells[name].value is None)
     parts = [
-        f"{label}: {method}{_claim(cells, letter, is_found=[*p_values.values()][-1] < alpha)}",
-        _statistic(cells, letter),
+        f"{label}: {method}{_claim(cells, sign, is_found=[*p_values.values()][-1] < alpha)}",
+        _statistic(cells, sign),
         *(f"{marked(name)} {probability(value)}" for name, value in p_values.items()),
         *_effect(cells),
     ]
     return f"{', '.join([hypothesis, *parts] if hypothesis else parts)}."
 
 
-def _claim(cells: Cells, letter: str, *, is_found: bool) -> str:
+def _claim(cells: Cells, sign: str, *, is_found: bool) -> str:
     """Return whether there is a difference, and the mean and SD of each condition."""
     groups = [name.removesuffix(": mean") for name in cells if name.endswith(": mean")]
-    what = "relation" if letter == "ρ" else "difference" if groups else "effect"
+    what = "relation" if sign == "ρ" else "difference" if groups else "effect"
     text = f" showed {'a' if is_found else 'no'} significant {what}"
     described = []
     for one in groups:
@@ -125,7 +115,7 @@ def _claim(cells: Cells, letter: str, *, is_found: bool) -> str:
     return f"{text} between {listed}" if listed else text
 
 
-def _statistic(cells: Cells, letter: str) -> str:
+def _statistic(cells: Cells, sign: str) -> str:
     degrees = [
         f"{value:.0f}" if value.is_integer() else f"{value:.2f}"
         for name in ("df", "df 2")
@@ -133,10 +123,10 @@ def _statistic(cells: Cells, letter: str) -> str:
     ]
     n = cells["n tested"].value if "n tested" in cells else None
     people = "" if n is None else f", {marked('N')} = {n:.0f}"
-    text = marked(letter)
+    text = marked(sign)
     if degrees:
-        text += f"({', '.join(degrees)}{people if letter in {'χ²', 'H', 'Q'} else ''})"
-    text += f" = {_number(cells['Statistic'].value, 2, bounded=letter in BOUNDED)}"
+        text += f"({', '.join(degrees)}{people if sign in {'χ²', 'H', 'Q'} else ''})"
+    text += f" = {_number(cells['Statistic'].value, 2, bounded=sign in BOUNDED)}"
     return text if degrees else f"{text}{people}"
 
 

@@ -1,6 +1,4 @@
-"""Text and tables as print has them: statistical symbols with italics, subscripts and superscripts,
-and wide tables in parts that fit on a page.
-"""
+"""Statistical symbols with italics, sub- and superscripts, and wide tables in parts for a page."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -16,14 +14,12 @@ Position = Literal["", "sub", "super"]
 
 @dataclass(frozen=True)
 class Run:
-    """A piece of text in one style."""
-
     text: str
     italic: bool = False
     position: Position = ""
 
 
-# Symbols as the APA sets them: Latin letters in italics, Greek ones and subscripts that are words
+# Symbols as the APA sets them: Latin in italics, Greek and subscripts that are words
 # upright (Publication Manual, 7th edition, section 6.44).
 SYMBOLS: dict[str, tuple[Run, ...]] = {
     "p (Holm)": (Run("p", italic=True), Run("Holm", position="sub")),
@@ -45,7 +41,6 @@ _MARK = "\0"  # around the name of a symbol, in texts that become runs
 
 
 def symbol(name: str) -> tuple[Run, ...]:
-    """Return a symbol in its print style; another word unchanged."""
     return SYMBOLS.get(name, (Run(name),))
 
 
@@ -55,7 +50,6 @@ def marked(name: str) -> str:
 
 
 def runs_of(text: str) -> tuple[Run, ...]:
-    """Return a text in which symbols are marked."""
     return tuple(
         run
         for at, part in enumerate(text.split(_MARK))
@@ -72,7 +66,7 @@ def head_runs(name: str) -> tuple[Run, ...]:
 
 
 def plain(runs: Iterable[Run]) -> str:
-    """Return the text as letters alone: `d_z`, `χ²`, `η²p`."""
+    """Return text without styles: `d_z`, `χ²`, `η²p`."""
     letters = {("super", "2"): "²"}
     joined = "".join(
         letters.get((run.position, run.text), f"_{run.text}" if run.position == "sub" else run.text)
@@ -82,8 +76,8 @@ def plain(runs: Iterable[Run]) -> str:
 
 
 def parts_of(table: Table) -> tuple[Table, ...]:
-    """Return a table in parts of at most MOST_COLUMNS columns, each of which begins with the first
-    columns of words, which name the row; notes are below the last part.
+    """Return a table in parts of at most MOST_COLUMNS, each with the first columns of words, which
+    name the row; notes are below the last part.
     """
     if len(table.head) <= MOST_COLUMNS:
         return (table,)
@@ -105,7 +99,7 @@ def parts_of(table: Table) -> tuple[Table, ...]:
 
 
 def _groups(head: tuple[str, ...], keys: int) -> list[list[int]]:
-    """Return the places of the other columns, as many as fit in each part. Those of one subject
+    """Return the places of the other columns, as many as fit in each part; those of one subject
     (`slow: n`, `slow: mean`) stay together where they can.
     """
     room, groups = MOST_COLUMNS - keys, [list[int]()]

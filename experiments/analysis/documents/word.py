@@ -35,14 +35,11 @@ _W = "http://schemas.openxmlformats.org/wordprocessingml/2006/main"
 
 
 def table_document(table: Table) -> bytes:
-    """Return a table as a document, in parts where it is wide: lines above, below the head and
-    below the table, as the APA prints them.
-    """
+    """Return a table as a document, in parts if it is wide, with the lines of the APA's tables."""
     return _document("".join(_part(part) for part in parts_of(table)))
 
 
 def text_document(paragraphs: Iterable[Sequence[Run]]) -> bytes:
-    """Return paragraphs as a document."""
     return _document("".join(_paragraph(runs) for runs in paragraphs))
 
 

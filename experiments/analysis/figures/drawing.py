@@ -11,11 +11,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from math import ceil
+from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context, rcParamsDefault
+from matplotlib import style
 from matplotlib.axes import Axes
-from matplotlib.colors import LinearSegmentedColormap, to_hex
 from matplotlib.figure import Figure
 
 from experiments.analysis.tables.people import of_whom, title_of
@@ -23,16 +23,8 @@ from experiments.analysis.tables.table import Table
 from experiments.dataset.records import ParticipantRecord
 
 WIDTH = 7.0  # inches: a page's two columns
-# Colours for readers who cannot distinguish red and green (after ColorBrewer's RdBu, Brewer et al.,
-# 2003).
-SCALE = {
-    5: ("#b2182b", "#ef8a62", "#f0f0f0", "#67a9cf", "#2166ac"),
-    7: ("#8c1020", "#d6604d", "#f4a582", "#f0f0f0", "#92c5de", "#4393c3", "#1c5796"),
-}
-# Both ends of a scale are dark in a grey print: parts below the middle are hatched.
-HATCH = "////"
-# Six of the eight colours of Okabe and Ito (2008), in the order in which neighbours differ most in
-# lightness, and a marker and a line for each, for prints without colours.
+# Six of the eight colours of Okabe and Ito (2008), for colour-blind readers, in the order in which
+# neighbours differ most in lightness, with a marker and a line each, for prints without colours.
 ROBOTS = ("#D55E00", "#56B4E9", "#000000", "#E69F00", "#0072B2", "#CC79A7")
 MARKERS = ("D", "o", "s", "^", "v", "P")
 DASHES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 4)))
@@ -43,41 +35,12 @@ INK, WALL, FLOOR, FAINT = "#222222", "#4d4d4d", "#f7f5f0", "#b9b9b9"
 Look = dict[str, Any]  # how something is drawn, by matplotlib's keywords
 Behind = dict[str, tuple[str, ...]]  # the sessions behind each part, by gid
 _FONT = b"font-family: 'DejaVu Sans'"
-_STYLE = {
-    "svg.hashsalt": "telepresence",
-    "svg.fonttype": "none",  # text that an editor can change; DejaVu Sans, or what is there
-    "pdf.fonttype": 42,
-    "font.family": ["DejaVu Sans"],
-    "font.size": 8.0,
-    "axes.titlesize": 9.0,
-    "axes.linewidth": 0.6,
-    "axes.edgecolor": INK,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": 7.5,
-    "path.simplify": True,
-    "path.simplify_threshold": 0.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "figure.dpi": 100.0,
-    "savefig.dpi": 200.0,
-    "hatch.linewidth": 0.5,
-    "axes.unicode_minus": True,
-    "text.usetex": False,
-    "mathtext.fontset": "dejavusans",
-}
+_STYLE = Path(__file__).with_name("house.mplstyle")
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure with the table of the numbers that it was drawn from, which has its name and title,
-    and the sessions behind each `gid`.
-    """
+    """A figure, the table of its numbers, and the sessions behind each `gid`."""
 
     figure: Figure
     numbers: Table
@@ -94,25 +57,17 @@ class Drawing:
 
 # matplotlib's settings are global, and pages draw in threads
 _ONE_AT_A_TIME = threading.RLock()
-_PLAIN = {
-    key: value
-    for key, value in rcParamsDefault.items()
-    if not key.startswith(("backend", "webagg", "toolbar"))
-}
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
     """Draw and save in the style of all figures, whatever the machine's own settings are."""
-    settings: Any = {**_PLAIN, **_STYLE}
-    with _ONE_AT_A_TIME, rc_context(rc=settings):
+    with _ONE_AT_A_TIME, style.context(["default", _STYLE]):
         yield
 
 
 def drawn_of_whom(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Drawing:
-    """Return a figure that names its kinds of participants, in its title and above the drawing,
-    unless it is of participants alone.
-    """
+    """Return a figure that names its kinds of participants, unless they are participants alone."""
     if title := title_of(people):
         with house_style():
             drawing.figure.suptitle(title, fontsize=SMALL, fontweight="bold")
@@ -120,7 +75,6 @@ def drawn_of_whom(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Draw
 
 
 def as_svg(drawing: Drawing) -> bytes:
-    """Return a figure as SVG. Its text is text, in fonts as wide as the one that was drawn with."""
     svg = _saved(drawing, "svg", {"Date": None, "Creator": None, "Title": drawing.title})
     return svg.replace(_FONT, _FONT + b", Verdana, sans-serif")
 
@@ -131,25 +85,15 @@ def as_pdf(drawing: Drawing) -> bytes:
 
 
 def as_png(drawing: Drawing, dpi: int = PRINT_DPI) -> bytes:
-    """Return a figure as PNG, for print unless fewer dots an inch are asked for."""
     return _saved(drawing, "png", {"Software": None, "Title": drawing.title}, dpi)
 
 
 def panels(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
-    """Return a figure of a height in inches with so many panels in some columns."""
     figure = Figure(figsize=(WIDTH, height), layout="constrained")
     axes = figure.subplots(ceil(count / columns), columns, squeeze=False).ravel().tolist()
     for empty in axes[count:]:
         empty.set_axis_off()
     return figure, axes[:count]
-
-
-def colours_of(values: int) -> tuple[str, ...]:
-    """Return the colours of a scale with a number of values, from the least to the greatest."""
-    if values in SCALE:
-        return SCALE[values]
-    blend = LinearSegmentedColormap.from_list("scale", SCALE[7])
-    return tuple(to_hex(blend(place / max(1, values - 1))) for place in range(values))
 
 
 def _saved(

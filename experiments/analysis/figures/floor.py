@@ -15,7 +15,7 @@ from experiments.definition.schema import StudyCheckpoint
 from robots.api.floorplan import ChargingDock, Door, FloorPlan, Furniture
 from robots.world.solids import bar
 
-BELOW = 0.1  # of the width of what is shown: the room below it, for the scale bar
+BELOW = 0.1  # share of the width that is added below, for the scale bar
 BARS = (0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)  # lengths of a scale bar, in metres
 MARGIN, AROUND = 0.35, 1.0  # m: around a plan, and around the ways in a part of it
 LONGEST_STEP = 1.0  # m: a line is not drawn between places that are farther apart
@@ -24,9 +24,7 @@ LONGEST_STEP = 1.0  # m: a line is not drawn between places that are farther apa
 def draw_plan(
     axes: Axes, plan: FloorPlan, *, furniture: bool = True, view: Floats | None = None
 ) -> None:
-    """Draw a plan in metres, as seen from above, without ticks: all of it, or a view, (2, 2), the
-    lower left and the upper right corner.
-    """
+    """Draw a plan in metres, or the view of it between two corners, (2, 2), without ticks."""
     for room in plan.rooms:
         _fill(axes, room.polygon, facecolor=FLOOR, edgecolor="none", zorder=0)
     for opening in plan.openings:
@@ -67,9 +65,7 @@ def whole_of(plan: FloorPlan) -> Floats:
 
 
 def view_of(plan: FloorPlan, ways: Sequence[Floats]) -> Floats:
-    """Return the corners, (2, 2), of the part of a plan in which there are ways, with AROUND beside
-    them; all of it without ways.
-    """
+    """Return the corners, (2, 2), of the part of a plan that has paths; all of it without any."""
     whole = whole_of(plan)
     points = np.vstack((np.empty((0, 2)), *ways))
     if not len(points):
@@ -91,7 +87,6 @@ def _scale_bar(axes: Axes, start: tuple[float, float], width: float) -> None:
 
 
 def _outline(piece: Furniture) -> Floats:
-    """Return the outline of a piece of furniture, (n, 2) metres."""
     turns = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
     outline = np.column_stack((np.cos(turns), np.sin(turns))) * piece.width / 2.0
     if piece.shape != "cylinder":
@@ -114,7 +109,6 @@ def _door(axes: Axes, door: Door) -> None:
 
 
 def draw_dock(axes: Axes, dock: ChargingDock, label: str, colour: str) -> None:
-    """Draw a charging station and its robot's name beside it."""
     station, cosine, sine = dock.station, math.cos(dock.theta), math.sin(dock.theta)
     x, y = dock.x + station.distance * cosine, dock.y + station.distance * sine
     axes.add_patch(
@@ -136,7 +130,6 @@ def draw_dock(axes: Axes, dock: ChargingDock, label: str, colour: str) -> None:
 
 
 def draw_checkpoint(axes: Axes, stop: StudyCheckpoint, colour: str) -> None:
-    """Draw a checkpoint as a disc with its number."""
     disc = Look(markerfacecolor="white", markeredgecolor=colour, markeredgewidth=1.1)
     axes.plot([stop.x], [stop.y], marker="o", markersize=9, zorder=6, **disc)
     look = Look(ha="center", va="center_baseline", fontsize=6.5, color=INK, zorder=7)
@@ -144,10 +137,8 @@ def draw_checkpoint(axes: Axes, stop: StudyCheckpoint, colour: str) -> None:
 
 
 def thinned(way: Floats, tolerance: float = 0.02) -> Floats:
-    """Return points of a way, (n, 2), from whose line no other is farther than the tolerance in
-    metres (Ramer, 1972; Douglas and Peucker, 1973).
-
-    Where a way jumps by more than LONGEST_STEP, both ends are kept with a row of NaN between them.
+    """Return points of a path, (n, 2), from whose line no other is farther than the tolerance in
+    metres (Ramer, 1972; Douglas and Peucker, 1973), with a row of NaN in jumps above LONGEST_STEP.
     """
     if len(way) < 3:
         return way
@@ -171,7 +162,6 @@ def thinned(way: Floats, tolerance: float = 0.02) -> Floats:
 
 
 def _off_the_line(points: Floats, start: Floats, end: Floats) -> Floats:
-    """Return the distances of points, (n, 2), from the straight line between two, (n,)."""
     along = end - start
     squared = float(along @ along) or 1.0  # both ends may be the same place
     share = np.clip((points - start) @ along / squared, 0.0, 1.0)

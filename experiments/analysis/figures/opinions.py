@@ -15,7 +15,6 @@ from matplotlib.patches import Patch
 
 from experiments.analysis.figures.drawing import (
     FAINT,
-    HATCH,
     INK,
     NEGATIVE,
     POSITIVE,
@@ -48,9 +47,9 @@ WHOLE = 330.0  # square points: the disc of all answers
 DISC: Look = {"facecolor": "#c9dcec", "edgecolor": "#54697c", "linewidths": 0.5}
 POINT: Look = {"marker": "D", "markersize": 3.4, "color": INK, "linestyle": "none"}
 INTERVAL: Look = {"ecolor": INK, "elinewidth": 1.1, "capsize": 2.2, "fmt": "none"}
-# Both sides of a balance; what is below the middle is hatched, for grey prints.
+# Both sides of a balance; the lower one is hatched, for grey prints.
 LOOKS: tuple[Look, Look] = (
-    {"facecolor": NEGATIVE, "edgecolor": INK, "linewidth": 0.3, "hatch": HATCH},
+    {"facecolor": NEGATIVE, "edgecolor": INK, "linewidth": 0.3, "hatch": "////"},
     {"facecolor": POSITIVE, "edgecolor": INK, "linewidth": 0.3, "hatch": ""},
 )
 LEAST_LABELLED = 6.0  # per cent, below which no number fits into a bar
@@ -59,8 +58,8 @@ LINE = 0.115  # inches
 
 
 def figure_8a(dataset: Dataset) -> Drawing:
-    """Return a row a row of Table 5: its mean with the interval, and below a disc at each value of
-    the scale, whose area is the share of the answers.
+    """Draw each row of Table 5: its mean with the interval, and below a disc at each value of the
+    scale, whose area is the share of the answers.
     """
     lines, responses = lines_of(dataset)
     labels = scale_of(dataset)
@@ -125,7 +124,6 @@ def _mean_and_shares(
 
 
 def _keys() -> list[Line2D]:
-    """Return the legend: a mean with its interval, and discs of two shares."""
     look = Look(
         linestyle="none",
         marker="o",
@@ -141,7 +139,7 @@ def _keys() -> list[Line2D]:
 
 
 def figure_8b(dataset: Dataset) -> Drawing:
-    """Return a bar of 100 % a row of Table 5: non-positive against positive answers."""
+    """Draw a bar of 100 % for each row of Table 5: non-positive against positive answers."""
     lines, responses = lines_of(dataset)
     scale = tuple(scale_of(dataset))
     middle = (scale[0] + scale[-1]) / 2.0 if scale else 0.0
@@ -176,7 +174,6 @@ def figure_8b(dataset: Dataset) -> Drawing:
 
 
 def _half(axes: Axes, at: int, line: LikertRow, parts: Sequence[float], side: int) -> str:
-    """Draw one side of a balance, and return its gid."""
     key = f"{('nonpositive', 'positive')[side]}-{line.kind}-{line.key}"
     left, share = (0.0, parts[0])[side], parts[side]
     axes.barh(at, share, BAR, left=left, **LOOKS[side])[0].set_gid(key)
@@ -188,7 +185,7 @@ def _half(axes: Axes, at: int, line: LikertRow, parts: Sequence[float], side: in
 
 
 def _label(dataset: Dataset, line: LikertRow) -> str:
-    """Return what a row is called at the axis: a statement by its text, with its key in Table 4."""
+    """Return the label of a row at the axis: a statement by its text, with its key in Table 4."""
     if line.kind != "statement":
         return fill(label_of(line), LABEL)
     definition = dataset.questionnaire(dataset.study.analysis.statements)

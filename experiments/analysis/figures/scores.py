@@ -1,6 +1,4 @@
-"""The scores of a questionnaire as a figure: a panel a scale, a row a condition and robot, with
-each participant, the mean and its 95 % confidence interval.
-"""
+"""The scores of a questionnaire: a panel a scale, with participants, means and their intervals."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
@@ -48,9 +46,7 @@ TITLE, TITLE_LINE = (95, 42), 0.15  # characters of a line of a panel's title, a
 
 
 def score_figures(dataset: Dataset) -> Iterator[Drawing]:
-    """Yield a figure for each scored questionnaire that was answered: a panel for each scale, in
-    the colours of the robots.
-    """
+    """Yield a figure for each scored questionnaire that was answered."""
     for found in scored_questionnaires(dataset):
         table = scores_table(dataset, found)
         title = f"{table.title.removesuffix('.')}: participants, mean and 95 % confidence interval."
@@ -119,7 +115,7 @@ def _draw_group(
     cells: Sequence[TableCell],
     look: tuple[str, str],
 ) -> Behind:
-    """Draw a row of the table, and return what is behind its mean."""
+    """Draw a row of the table, and return the sessions behind its mean."""
     mean, low, high = (cells[HEAD.index(name)].value for name in ("Mean", "CI95: from", "CI95: to"))
     if mean is None:
         axes.text(scale.bounds[0], at, "no scores", va="center", fontsize=7, color=INK)
@@ -139,7 +135,7 @@ def _draw_group(
 
 
 def _offsets(values: Sequence[float]) -> Floats:
-    """Return the offsets of points in their row: equal ones beside each other, in rows' heights."""
+    """Return the offsets of points in their row, in rows: equal ones are beside each other."""
     total, seen, found = Counter(values), Counter[float](), []
     for value in values:
         n = total[value]

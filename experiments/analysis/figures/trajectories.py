@@ -1,6 +1,4 @@
-"""Figures 6 and 7 of the paper: the workspace with the suggested paths, and the trajectories that
-were driven, a panel a robot.
-"""
+"""Figures 6 and 7 of the paper: the workspace with the suggested paths, and the trajectories."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,6 +11,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from experiments.analysis.figures import floor
 from experiments.analysis.figures.drawing import (
     DASHES,
     INK,
@@ -24,15 +23,6 @@ from experiments.analysis.figures.drawing import (
     Look,
     house_style,
     panels,
-)
-from experiments.analysis.figures.floor import (
-    BELOW,
-    draw_checkpoint,
-    draw_dock,
-    draw_plan,
-    thinned,
-    view_of,
-    whole_of,
 )
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.table import Table, amount, number, words
@@ -48,13 +38,13 @@ TITLE = 100  # characters of a line over the whole width
 
 
 def figure_6(dataset: Dataset, site: str) -> Drawing:
-    """Return the workspace of a site with each course's checkpoints and suggested path."""
+    """Draw the workspace of a site with each course's checkpoints and suggested path."""
     courses = [course for course in dataset.study.courses if course.site == site]
     with house_style():
         figure = Figure(figsize=(WIDTH, _height(dataset, site)), layout="constrained")
         axes = figure.subplots()
         if site in dataset.plans:
-            draw_plan(axes, dataset.plans[site])
+            floor.draw_plan(axes, dataset.plans[site])
         for index, course in enumerate(courses):
             _draw_course(axes, dataset, course, index)
         if courses:
@@ -86,9 +76,9 @@ def _draw_course(axes: Axes, dataset: Dataset, course: Course, index: int) -> No
     plan = dataset.plans.get(course.site)
     dock = dock_of(course, plan) if plan is not None else None
     if dock is not None:
-        draw_dock(axes, dock, name, colour)
+        floor.draw_dock(axes, dock, name, colour)
     for stop in course.checkpoints:
-        draw_checkpoint(axes, stop, colour)
+        floor.draw_checkpoint(axes, stop, colour)
 
 
 def _robot_name(dataset: Dataset, series: str) -> str:
@@ -96,14 +86,13 @@ def _robot_name(dataset: Dataset, series: str) -> str:
 
 
 def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
-    """Return all trajectories over the floor plan, a panel a robot, site and condition, each with
-    the same part of the plan as the others of its site; one panel without trajectories if there are
-    none.
+    """Draw all trajectories, a panel a robot, site and condition, with one view for each site; one
+    panel without trajectories if there are none.
     """
-    ways = {one.session.id: thinned(one.way) for one in measured}
+    ways = {one.session.id: floor.thinned(one.positions) for one in measured}
     found = _panels(dataset, measured)
     views = {
-        site: view_of(dataset.plans[site], _shown(dataset, found, ways, site))
+        site: floor.view_of(dataset.plans[site], _shown(dataset, found, ways, site))
         for site in {panel.site for panel in found} & set(dataset.plans)
     }
     behind: Behind = {}
@@ -127,9 +116,9 @@ def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
 
 @dataclass(frozen=True)
 class TrajectoryPanel:
-    """The sessions of one condition on one course, and the letter of their panel."""
+    """The sessions of one condition on one course, and the label of their panel."""
 
-    letter: str
+    label: str
     site: str
     series: str
     condition: str
@@ -137,12 +126,10 @@ class TrajectoryPanel:
 
 
 def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPanel]:
-    """Return the panels in the order of the courses and the conditions of the study; the first
-    course's without sessions where there are none.
-    """
+    """Return the panels in the order of courses and conditions; an empty one without sessions."""
     groups: dict[tuple[str, str, str], list[Measured]] = {}
     for one in measured:
-        if len(one.way):
+        if len(one.positions):
             series = dataset.robot(one.session.robot).series
             key = (one.session.site, series, one.session.condition)
             groups.setdefault(key, []).append(one)
@@ -152,30 +139,28 @@ def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPa
     if not keys:
         return [TrajectoryPanel("a", *course, "", ()) for course in courses[:1]]
     return [
-        TrajectoryPanel(letter, *key, tuple(groups[key]))
-        for letter, key in zip(cycle(ascii_lowercase), keys, strict=False)
+        TrajectoryPanel(label, *key, tuple(groups[key]))
+        for label, key in zip(cycle(ascii_lowercase), keys, strict=False)
     ]
 
 
 def _shown(
     dataset: Dataset, panels: Sequence[TrajectoryPanel], ways: Mapping[str, Floats], site: str
 ) -> list[Floats]:
-    """Return what the panels of a site have to show: trajectories, and the checkpoints of those
-    courses that were driven.
-    """
+    """Return the trajectories of a site's panels, and the checkpoints of courses in use."""
     here = [panel for panel in panels if panel.site == site and panel.own]
-    driven = {panel.series for panel in here}
-    courses = [one for one in dataset.study.courses if one.site == site and one.robot in driven]
+    series = {panel.series for panel in here}
+    courses = [one for one in dataset.study.courses if one.site == site and one.robot in series]
     stops = [np.array([(stop.x, stop.y)]) for one in courses for stop in one.checkpoints]
     return [*(ways[one.session.id] for panel in here for one in panel.own), *stops]
 
 
 def _layout(views: Sequence[Floats | None]) -> tuple[int, float]:
-    """Return as few columns as fit on a page with a panel for each view, and the height in inches;
-    a square of panels is made to fit.
+    """Return the fewest columns that fit on a page with a panel for each view, and the inches of
+    the height; a square of panels is made to fit.
     """
     sizes = [np.ptp(view, axis=0) for view in views if view is not None]
-    ratio = max((float(size[1] / size[0]) + BELOW for size in sizes), default=BARE)
+    ratio = max((float(size[1] / size[0]) + floor.BELOW for size in sizes), default=BARE)
     count = max(1, len(views))
     for columns in range(min(2, count), MOST_COLUMNS + 1):
         height = math.ceil(count / columns) * (WIDTH / columns * ratio + ABOVE_PANEL)
@@ -185,17 +170,15 @@ def _layout(views: Sequence[Floats | None]) -> tuple[int, float]:
 
 
 def _panel_title(dataset: Dataset, panel: TrajectoryPanel, columns: int) -> str:
-    """Return the letter, the robot unless the condition begins with it, the condition, and below
-    how many drove.
-    """
+    """Return label, robot (unless the condition begins with it), condition, and amounts."""
     name = _robot_name(dataset, panel.series)
     titles = {one.key: dataset.say(one.title) for one in dataset.study.conditions}
     condition = titles.get(panel.condition, panel.condition)
     people = len({one.session.participant for one in panel.own})
-    driven = f"{amount(len(panel.own), 'session')} of {amount(people, 'participant')}"
+    amounts = f"{amount(len(panel.own), 'session')} of {amount(people, 'participant')}"
     shown = condition if condition.startswith(name) else ": ".join(filter(None, (name, condition)))
-    head = f"({panel.letter}) {shown}"
-    return f"{fill(head, TITLE // columns)}\n{driven}"
+    head = f"({panel.label}) {shown}"
+    return f"{fill(head, TITLE // columns)}\n{amounts}"
 
 
 def _draw_panel(
@@ -206,7 +189,7 @@ def _draw_panel(
     view: Floats | None,
 ) -> Behind:
     if view is not None:
-        draw_plan(axes, dataset.plans[panel.site], furniture=False, view=view)
+        floor.draw_plan(axes, dataset.plans[panel.site], furniture=False, view=view)
     # many lines are faint, so that places where most went are dark
     alpha = float(np.clip(2.0 / max(1, len(panel.own)) ** 0.5, 0.15, 0.9))
     behind: Behind = {f"session-{one.session.id}": (one.session.id,) for one in panel.own}
@@ -218,7 +201,7 @@ def _draw_panel(
     where = (panel.site, panel.series)
     course = next((one for one in dataset.study.courses if (one.site, one.robot) == where), None)
     for stop in course.checkpoints if course else ():
-        draw_checkpoint(axes, stop, INK)
+        floor.draw_checkpoint(axes, stop, INK)
     return behind
 
 
@@ -226,5 +209,5 @@ def _height(dataset: Dataset, site: str) -> float:
     plan = dataset.plans.get(site)
     if plan is None:
         return 3.0
-    width, height = np.ptp(whole_of(plan), axis=0).tolist()
-    return float(np.clip(WIDTH * (height / width + BELOW), 2.0, 8.0)) + 0.35
+    width, height = np.ptp(floor.whole_of(plan), axis=0).tolist()
+    return float(np.clip(WIDTH * (height / width + floor.BELOW), 2.0, 8.0)) + 0.35

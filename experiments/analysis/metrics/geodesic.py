@@ -16,13 +16,11 @@ from robots.world.cell_graph import KNIGHT, CellGraph
 from robots.world.render_plan import rasterise
 
 RADIUS = 0.22  # m: half of the narrower side of the robots that there are
-REACH = 1.0  # m: a point nearer to something than RADIUS stands for the nearest cell within this
+REACH = 1.0  # m: points nearer to an obstacle than RADIUS are moved to a free cell within this
 Point = tuple[float, float]
 
 
 class ShortestPaths:
-    """Shortest paths on one plan with some doors closed."""
-
     def __init__(self, plan: FloorPlan, closed: frozenset[str] = frozenset()) -> None:
         leaves = tuple(
             Wall(start=door.start, end=door.end, thickness=door.thickness)
@@ -61,10 +59,8 @@ def _paths(plan: FloorPlan, closed: frozenset[str]) -> ShortestPaths:
 
 def nearer(plan: FloorPlan, closed: frozenset[str], goal: Point, start: Point, end: Point) -> float:
     """Return by how many metres the shortest path to a goal is shorter from `end` than from
-    `start`; NaN when there is none.
-
-    By the triangle inequality, no path from start to end is shorter than this. A checkpoint is
-    passed at its rim: what is left to its middle need not be driven, and does not count.
+    `start`; NaN when there is none. By the triangle inequality, no path between them is shorter.
+    Unlike the path to its centre, it ends at a checkpoint's rim, where the robot passes it.
     """
     paths = _paths(plan, closed)
     return paths.length(start, goal) - paths.length(end, goal)

@@ -1,6 +1,4 @@
-"""When a session reached its milestones: first video frame, first motion, checkpoints, the dock. By
-the events of the task engine.
-"""
+"""When a session reached its milestones, by the events of the task engine."""
 
 import math
 from collections.abc import Iterable, Mapping
@@ -21,9 +19,7 @@ NEAR_DOCK, OFF_DOCK = 0.8, 1.1  # m: coming nearer is an attempt to dock, going 
 
 @dataclass(frozen=True)
 class Milestones:
-    """Times in the session's seconds, NaN of milestones that were not reached. `checkpoints` are
-    those after the charging station, by number.
-    """
+    """Times in the session's seconds, NaN if not reached; checkpoints by number, without 0."""
 
     start: float = math.nan
     motion: float = math.nan
@@ -40,9 +36,7 @@ class Milestones:
 def milestones(
     session: SessionRecord, events: Iterable[EventRecord], course: Course | None
 ) -> Milestones:
-    """Return the milestones of a session, from its own events; docking counts once every checkpoint
-    was passed.
-    """
+    """Return the milestones of a session; docking counts once every checkpoint was passed."""
     own = sorted((event for event in events if event.source == TASK), key=lambda event: event.stamp)
     passed: dict[int, float] = {}
     for event in own:

@@ -1,8 +1,5 @@
-"""How far and how fast a robot drove, how often it stopped, how close it came to things: from its
-states, as arrays.
-
-Durations come from the robot's own clock within one run of its agent, because clocks of two
-machines drift apart.
+"""How a robot drove, from its states as arrays. Durations are by the robot's clock within one run
+of its agent, because clocks of two machines drift apart.
 """
 
 import math
@@ -36,7 +33,6 @@ class Trajectory:
 
     @classmethod
     def of(cls, states: Columns) -> "Trajectory":
-        """Return the track of states in the order in which they were made."""
         offset = states["clock_offset"]
         known = offset[np.isfinite(offset)]
         at = states["stamp"] - (float(np.median(known)) if known.size else 0.0)
@@ -55,15 +51,13 @@ class Trajectory:
         return len(self.states)
 
     def gaps(self) -> Floats:
-        """Return the lengths of the holes between its states in seconds, those longer than
-        GAP_SECONDS.
-        """
+        """Return how many seconds each hole between its states lasts that is a gap."""
         steps = np.diff(self.at)
         return steps[steps > GAP_SECONDS]
 
     def missing(self) -> int:
-        """Return how many states are missing by their numbers, which have no holes within a run; a
-        hole wider than any agent keeps is a robot that counts strangely.
+        """Return how many states are missing by their numbers, which have no holes within a run;
+        wider holes than any agent keeps are not counted.
         """
         skipped = np.diff(self.states["seq"]) - 1.0
         alike = np.diff(self.states["boot"]) == 0.0
@@ -74,17 +68,13 @@ class Trajectory:
         return min(1.0, float(self.lasts.sum()) / seconds) if seconds > 0.0 else math.nan
 
     def rate(self) -> float:
-        """Return how many states there were a second, from the first to the last; NaN with fewer
-        than two.
-        """
+        """Return the states a second, from the first to the last; NaN with fewer than two."""
         seconds = float(self.at[-1] - self.at[0]) if len(self) > 1 else 0.0
         return (len(self) - 1) / seconds if seconds > 0.0 else math.nan
 
 
 def drive(track: Trajectory) -> dict[str, float]:
-    """Return how a robot was driven along a track while it was seen, by the names of DRIVING in
-    definitions.py: metres, seconds, radians, m/s.
-    """
+    """Return the metrics of driving (metrics.csv) of a track, for the time that has states."""
     states, seconds = track.states, track.lasts
     seen = seconds > 0.0
     is_moving = (np.abs(states["linear"]) > STANDING) | (np.abs(states["angular"]) > TURNING)
@@ -120,21 +110,19 @@ def _ratio(amount: float, of: float) -> float:
 
 
 def _stops(speed: Floats, at: Floats, gap_follows: Bools) -> int:
-    """Count how often a robot that went faster than GOING was then seen to stand for STOP_SECONDS
-    without a gap.
-    """
+    """Count standstills of STOP_SECONDS without a gap, each after a speed above GOING."""
     known = np.isfinite(speed)
     stretch: npt.NDArray[np.intp] = np.cumsum(gap_follows) - gap_follows
     speed, at, stretch = speed[known], at[known], stretch[known]
     if not speed.size:
         return 0
-    standing = speed < STANDING
-    edges = np.flatnonzero(np.diff(standing) | (np.diff(stretch) > 0)) + 1
+    is_still = speed < STANDING
+    edges = np.flatnonzero(np.diff(is_still) | (np.diff(stretch) > 0)) + 1
     starts = np.concatenate(([0], edges))
     ends = np.concatenate((edges, [len(speed)])) - 1
     count, went = 0, False
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        if not standing[start]:
+        if not is_still[start]:
             went = went or bool((speed[start : end + 1] > GOING).any())
         elif went and at[end] - at[start] >= STOP_SECONDS:
             count, went = count + 1, False
@@ -143,8 +131,7 @@ def _stops(speed: Floats, at: Floats, gap_follows: Bools) -> int:
 
 def _near(clearance: Floats, docked: Bools) -> tuple[Bools, int]:
     """Return where the robot was near something, (n,), and how often that began; an unknown
-    clearance changes nothing. A stretch in which the robot was docked is near its station, which is
-    no near-collision: neither while it charges nor when it leaves or enters.
+    clearance changes nothing. Stretches in which it was docked do not count: its station is near.
     """
     reported = np.where(clearance < NEAR, 1, np.where(clearance > CLEAR, 0, -1))
     reported[0:1] = np.maximum(reported[0:1], 0)

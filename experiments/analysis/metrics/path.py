@@ -10,8 +10,8 @@ regression*):
     minimize   sum |z_i - y_i|² / σ²   +   ∫ |z''|² dt / q
 
 Its σ is that of the session's own positions, by differences (Gasser, Sroka and Jennen-Steinmetz
-1986, *Residual variance and residual pattern in nonlinear regression*). What is left of the noise
-is less than a dead band of BAND times σ. Odometry does not tremble, but wheels slip: where they
+1986, *Residual variance and residual pattern in nonlinear regression*). The remaining noise
+is below a dead band of BAND times σ. Odometry does not tremble, but wheels slip: where they
 turned for much more than the position moved, the position counts.
 """
 
@@ -44,9 +44,8 @@ Counts = npt.NDArray[np.intp]
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """Metres: `length` of what was seen, `unseen` at least between what was seen, `slipped` of the
-    wheels alone. `by_odometry` tells which of the two the length is of; `jumps` are places that the
-    robot did not drive to.
+    """Metres: `length` in the time that has states, `unseen` at least in gaps, `slipped` by the
+    wheels alone. `by_odometry` tells what the length is by; `jumps` counts positions not driven to.
     """
 
     length: float
@@ -58,8 +57,8 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class PositionSteps:
-    """`steps`, (n,): metres that the filtered position moved up to each state since the one before;
-    `unseen` metres lie straight between pieces that were not seen together.
+    """Metres by which the smoothed position moved to each state, (n,); `unseen` lie straight over
+    gaps.
     """
 
     steps: Floats
@@ -71,9 +70,9 @@ class PositionSteps:
 def driven_path(
     position: Floats, odometer: Floats, at: Floats, seen: Bools, trusted: Bools
 ) -> DrivenPath:
-    """Return how far a robot drove: `position` is (n, 2) metres, `odometer` (n,) metres, NaN where
-    unknown, `at` (n,) seconds; `seen` is whether the time from each state to the next was seen,
-    `trusted` whether the robot knew its position.
+    """Return how far a robot drove, from its positions, (n, 2) metres, and its odometer, (n,)
+    metres, NaN where unknown, at (n,) seconds. `seen`: whether the time to the next state was;
+    `trusted`: whether the robot knew its position.
     """
     moved = position_steps(position, at, seen)
     turned = np.diff(odometer, prepend=np.nan)
@@ -96,7 +95,7 @@ def driven_path(
 
 
 def position_steps(position: Floats, at: Floats, seen: Bools) -> PositionSteps:
-    """Return how far the position moved to each state, less what trembles; see `driven_path`."""
+    """Return how far the position moved to each state, without noise; see `driven_path`."""
     steps = np.zeros(len(at))
     known = np.flatnonzero(np.isfinite(position).all(axis=1))
     known = known[_is_new(position[known])]
@@ -109,7 +108,7 @@ def position_steps(position: Floats, at: Floats, seen: Bools) -> PositionSteps:
 
 
 def turned(theta: Floats, at: Floats, seen: Bools) -> float:
-    """Return how far a robot turned in radians, left and right added, less what trembles."""
+    """Return how far a robot turned in radians, left and right added, without noise."""
     known = np.flatnonzero(np.isfinite(theta))
     angle = np.full((len(theta), 1), np.nan)
     angle[known, 0] = np.unwrap(theta[known])
@@ -125,11 +124,9 @@ def turned(theta: Floats, at: Floats, seen: Bools) -> float:
 
 
 def noise_of(pieces: list[tuple[Floats, Floats]]) -> float:
-    """Return the standard deviation of the noise along one axis, from pieces of times, (n,), and
-    values, (n, axes), in the values' unit.
-
-    Each value is compared with the line through its neighbours (Gasser et al., formula 2.1); the
-    median of these residuals is not moved by corners and starts.
+    """Return the standard deviation of noise along one axis, from pieces of times, (n,), and
+    values, (n, axes): each value is compared with the line through its neighbours (Gasser et al.,
+    formula 2.1), and the median of these residuals is not moved by corners and starts.
     """
     residuals = [_residuals(*piece) for piece in pieces if len(piece[0]) > 2]
     found = np.abs(np.concatenate(residuals)) if residuals else np.empty(0)
@@ -144,9 +141,7 @@ def _residuals(at: Floats, values: Floats) -> Floats:
 
 
 def smoothed(at: Floats, values: Floats, noise: float, wander: float) -> Floats:
-    """Return values, (n, axes), without noise of a standard deviation in the values' unit; `wander`
-    is q above, the unit squared over s³.
-    """
+    """Return values, (n, axes), without noise of that standard deviation; `wander` is q above."""
     if len(at) < LEAST_SMOOTHED or noise < LEAST_NOISE:
         return values
     apart = np.cumsum(np.maximum(np.diff(at, prepend=at[0]), SHORTEST_STEP))
@@ -155,9 +150,7 @@ def smoothed(at: Floats, values: Floats, noise: float, wander: float) -> Floats:
 
 
 def steps_of(values: Floats, band: float) -> Floats:
-    """Return how far a point, (n, axes), moved up to each state, (n,): nothing before it is `band`
-    away from where it last counted.
-    """
+    """Return how far a point, (n, axes), moved to each state, (n,), in steps of `band` or more."""
     steps = np.zeros(len(values))
     rows = values.tolist()
     last = rows[0] if rows else []
@@ -185,9 +178,7 @@ def _together(known: Counts, seen: Bools) -> Bools:
 def _pieces(
     known: Counts, position: Floats, at: Floats, seen: Bools
 ) -> tuple[list[Counts], float, int]:
-    """Return pieces of states without a gap or jump, the metres straight over the gaps, and the
-    number of jumps.
-    """
+    """Return pieces of states without gap or jump, metres straight over gaps, and jumps."""
     together = _together(known, seen)
     steps = np.hypot(*np.diff(position[known], axis=0).T)
     jumped = steps > JUMP_SPEED * np.maximum(np.diff(at[known]), 0.0) + JUMP_SLACK
@@ -214,7 +205,7 @@ def _slipped(
 
 
 def _windows(at: Floats, seen: Bools) -> Iterator[slice]:
-    """Yield stretches of SLIP_SECONDS without a gap, and what is left of each at its end."""
+    """Yield stretches of SLIP_SECONDS without a gap, and shorter ones before gaps."""
     start = 0
     for index in range(len(at)):
         is_last = index + 1 == len(at) or not seen[index]

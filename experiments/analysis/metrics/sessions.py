@@ -1,6 +1,4 @@
-"""The metrics of a session, and of each of its segments from checkpoint to checkpoint, by the names
-of definitions.py. A number that cannot be known is NaN, never zero.
-"""
+"""Metrics of sessions and of segments between checkpoints; what cannot be known is NaN, not 0."""
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -24,8 +22,8 @@ Values = dict[str, float]
 
 @dataclass(frozen=True)
 class CheckpointSegment:
-    """From one checkpoint to the next, by their numbers, with 0 for the charging station at both
-    ends; `start` and `end` in the session's seconds, `values` by SEGMENT_METRICS' names.
+    """From one checkpoint to the next, by number; 0 is the charging station, at both ends. Times
+    are in the session's seconds.
     """
 
     session: str
@@ -39,19 +37,16 @@ class CheckpointSegment:
 
 @dataclass(frozen=True)
 class Measured:
-    """A session with its numbers by METRICS' names, its segments in order, and the positions on its
-    way, (n, 2) metres.
-    """
+    """A session with its metrics, its segments in order, and its positions, (n, 2) metres."""
 
     session: SessionRecord
     milestones: Milestones
     values: Values
     segments: tuple[CheckpointSegment, ...]
-    way: Floats
+    positions: Floats
 
 
 def measure_all(dataset: Dataset) -> list[Measured]:
-    """Return every session with its numbers, in the dataset's order."""
     events: dict[str, list[EventRecord]] = {}
     for event in dataset.events:
         events.setdefault(event.session, []).append(event)
@@ -59,7 +54,6 @@ def measure_all(dataset: Dataset) -> list[Measured]:
 
 
 def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord]) -> Measured:
-    """Return a session with its numbers."""
     course = dataset.course(session)
     found = milestones(session, events, course)
     whole = Trajectory.of(dataset.states(session.id))
@@ -72,14 +66,14 @@ def measure(dataset: Dataset, session: SessionRecord, events: Iterable[EventReco
         dock = course.checkpoints[0]
         attempts = docking_attempts(task, (dock.x, dock.y), found.last_checkpoint)
         values["docking_attempts"] = float(attempts)
-    driven = [one.values for one in segments if not math.isnan(one.values["efficiency"])]
-    if driven:
+    known = [one.values for one in segments if not math.isnan(one.values["efficiency"])]
+    if known:
         for name in ("shortest", "efficiency_bounded"):
-            values[name] = math.fsum(one[name] for one in driven)
-        values["efficiency"] = _share(values["shortest"], math.fsum(map(_driven, driven)))
-    way = np.column_stack((task.states["x"], task.states["y"]))
-    way = way[np.isfinite(way).all(axis=1)]
-    return Measured(session, found, _ordered(values, METRICS), segments, way)
+            values[name] = math.fsum(one[name] for one in known)
+        values["efficiency"] = _share(values["shortest"], math.fsum(map(_distance, known)))
+    positions = np.column_stack((task.states["x"], task.states["y"]))
+    positions = positions[np.isfinite(positions).all(axis=1)]
+    return Measured(session, found, _ordered(values, METRICS), segments, positions)
 
 
 def _ordered(values: Values, columns: Iterable[Column]) -> Values:
@@ -207,10 +201,10 @@ def _segments(
         during = network[(network["stamp"] >= start) & (network["stamp"] <= at)]
         values = {"seconds": at - start, "seen": part.share_seen(at - start)}
         values |= _numbers(part, during)
-        shortest, driven = _shortest(dataset, session, part, (end.x, end.y)), _driven(values)
-        values |= {"shortest": shortest, "efficiency": _share(shortest, driven)}
-        if driven > 0.0:
-            values["efficiency_bounded"] = float(shortest > driven)
+        shortest, path = _shortest(dataset, session, part, (end.x, end.y)), _distance(values)
+        values |= {"shortest": shortest, "efficiency": _share(shortest, path)}
+        if path > 0.0:
+            values["efficiency_bounded"] = float(shortest > path)
         ordered = _ordered(values, SEGMENT_METRICS)
         yield CheckpointSegment(session.id, number, begin.number, end.number, start, at, ordered)
 
@@ -227,15 +221,13 @@ def _shortest(
     return nearer(plan, frozenset(session.doors_closed), goal, first, last)
 
 
-def _driven(values: Values) -> float:
-    """Return the length of the way with what was driven in gaps, which the shortest way covers,
-    too.
-    """
+def _distance(values: Values) -> float:
+    """Return the distance driven including gaps, which the shortest path covers, too."""
     return values.get("path", 0.0) + values.get("path_unseen", 0.0)
 
 
 def _share(shortest: float, path: float) -> float:
-    """Return the efficiency. No robot drives less than the shortest way: what is above 1 is
-    measurement noise, and a straight line over cells that is up to 3 % too long.
+    """Return the efficiency. Above 1, it is measurement noise, and a straight line over cells that
+    is up to 3 % too long.
     """
     return min(1.0, shortest / path) if path > 0.0 else math.nan

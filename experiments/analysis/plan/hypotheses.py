@@ -1,17 +1,15 @@
-"""A study's plan in its report: the hypotheses with the tests that decide on them, the exclusions
-with their effect on significance, and which tables and figures are exploratory.
-"""
+"""The plan of a study in its report: which tests decide on hypotheses, exclusions, notes."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from experiments.analysis.documents.sentences import RowKey
+from experiments.analysis.documents.sentences import RowKey, key_of
 from experiments.analysis.figures.drawing import Drawing
 from experiments.analysis.statistics.comparisons import holm
 from experiments.analysis.statistics.regression import RATIO
 from experiments.analysis.tables.declared import PLANNED, name_of
-from experiments.analysis.tables.table import NOTHING, Table, TableCell, number, probability, words
+from experiments.analysis.tables.table import Table, TableCell, number, probability, words
 from experiments.dataset.records import PlanExclusion
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.plan import Hypothesis, StudyPlan, measures_of
@@ -64,9 +62,7 @@ class DecidingTest:
 
 
 def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[DecidingTest]:
-    """Return the tests that decide on the hypotheses of a study's plan, from the tables of its
-    declared analyses.
-    """
+    """Return the tests in the tables of declared analyses that decide on hypotheses."""
     if study.plan is None:
         return []
     tests = [test for one in study.plan.hypotheses for test in _deciding(study, one, tables)]
@@ -79,16 +75,15 @@ def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[Decidi
 
 
 def hypotheses_table(study: StudyDefinition, decisions: Sequence[DecidingTest]) -> Table:
-    """Return each hypothesis with the tests that decide on it."""
     plan = study.plan
     title = "Hypotheses of the plan."
     if plan is None or not plan.hypotheses:
         reason = NO_PLAN if plan is None else NO_HYPOTHESIS
-        return Table("hypotheses", title, (PLANNED,), ((words(reason),),))
-    rows = tuple(_row(plan, one) for one in decisions)
-    texts = tuple(f"{one.key}: {one.text}" for one in plan.hypotheses)
+        return Table.of("hypotheses", title, (PLANNED,), [[reason]])
+    rows = (_row(plan, one) for one in decisions)
+    texts = (f"{one.key}: {one.text}" for one in plan.hypotheses)
     alpha = f"Significant: p (family) below {plan.alpha:g}."
-    return Table("hypotheses", title, HEAD, rows, (*texts, SELECTED, PRECISION, alpha))
+    return Table.of("hypotheses", title, HEAD, rows, (*texts, SELECTED, PRECISION, alpha))
 
 
 def by_row(decisions: Sequence[DecidingTest]) -> dict[RowKey, list[tuple[str, float]]]:
@@ -100,14 +95,13 @@ def by_row(decisions: Sequence[DecidingTest]) -> dict[RowKey, list[tuple[str, fl
     return found
 
 
-def _row(plan: StudyPlan, one: DecidingTest) -> tuple[TableCell, ...]:
+def _row(plan: StudyPlan, one: DecidingTest) -> tuple[object, ...]:
     p, about = one.corrected, one.hypothesis
     significant = "unknown" if math.isnan(p) else "yes" if p < plan.alpha else "no"
     return (
-        *map(words, (about.key, EXPECTED[about.direction], one.measure)),
-        *(words(f"{one.analysis.key}: {one.label}"), probability(one.p), probability(p)),
-        number(one.difference, 3),
-        *map(words, (_as_expected(about, one.difference), significant)),
+        *(about.key, EXPECTED[about.direction], one.measure, f"{one.analysis.key}: {one.label}"),
+        *(probability(one.p), probability(p), number(one.difference, 3)),
+        *(_as_expected(about, one.difference), significant),
     )
 
 
@@ -126,8 +120,7 @@ def _tests(tables: Sequence[Table]) -> Iterator[tuple[RowKey, Cells]]:
         if "p (Holm)" in table.head:
             for row in table.rows:
                 cells = dict(zip(table.head, row, strict=True))
-                label = cells.get("Contrast", cells.get("Effect", words(NOTHING))).text
-                yield (table.name, cells["Measure"].text, label), cells
+                yield key_of(table, cells), cells
 
 
 def _deciding(
@@ -162,22 +155,19 @@ def _difference(cells: Cells) -> float | None:
 
 
 def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
-    """Return a row for each exclusion."""
-    rows = tuple(
+    rows = (
         (
             words(one.participant, (one.session,) if one.session else ()),
-            *map(words, (one.session, one.rule, one.value, "yes" if one.planned else "no")),
+            *(one.session, one.rule, one.value, "yes" if one.planned else "no"),
         )
         for one in found
     )
     head = ("Participant", "Session", "Rule", "Value", PLANNED)
-    return Table("exclusions", "Exclusions.", head, rows, (LISTED,))
+    return Table.of("exclusions", "Exclusions.", head, rows, (LISTED,))
 
 
 def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: float) -> Table:
-    """Return the declared tests of the drives that count (their tables are `planned`) beside those
-    with the excluded drives (`every`).
-    """
+    """Return the tests of the drives that count (`planned`) beside those of `every` drive."""
     others = dict(_tests(every))
     rows, changed = [], []
     for key, cells in _tests(planned):
@@ -187,23 +177,21 @@ def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: f
         is_changed = (ps[0] < alpha) != (ps[1] < alpha)
         names = (key[0].removeprefix("analysis-"), *key[1:])
         changed += [", ".join(names)] if is_changed else []
-        verdict = words("changes" if is_changed else "same")
-        rows.append((*map(words, names), *map(probability, ps), *differences, verdict))
+        verdict = "changes" if is_changed else "same"
+        rows.append((*names, *map(probability, ps), *differences, verdict))
     title = "Sensitivity analysis: declared tests with the excluded drives (all)."
     level = f"Significant: p (Holm) below {alpha:g}."
     note = f"The exclusions change the significance of: {'; '.join(changed)}."
     if not changed:
         note = "The exclusions change the significance of no declared test."
-    return Table("exclusions-effect", title, EFFECTS_HEAD, tuple(rows), (level, note))
+    return Table.of("exclusions-effect", title, EFFECTS_HEAD, rows, (level, note))
 
 
 # --- notes of tables and figures ------------------------------------------------------------------
 
 
 def marked_table(table: Table, *, is_sensitivity: bool) -> Table:
-    """Return a table with the note that it is part of a sensitivity analysis, or exploratory, where
-    it has tests that no hypothesis names. Tables with hypotheses have them in each row.
-    """
+    """Add a note to a sensitivity analysis, and to tests that no hypothesis names."""
     if is_sensitivity:
         return replace(table, notes=(SENSITIVITY, *table.notes))
     if PLANNED in table.head or "p" not in table.head or table.name == "hypotheses":
@@ -212,8 +200,8 @@ def marked_table(table: Table, *, is_sensitivity: bool) -> Table:
 
 
 def marked_figure(study: StudyDefinition, figure: Drawing, *, is_sensitivity: bool) -> Drawing:
-    """Return a figure with the note that it is part of a sensitivity analysis; or, of answers, to
-    which hypotheses it belongs, or that it is exploratory.
+    """Add a note to a sensitivity analysis; to answers, the hypotheses, or that they are
+    exploratory.
     """
     notes, scores = figure.numbers.notes, "figure-scores-"
     questionnaire = study.analysis.statements if figure.name.startswith("figure-8") else ""

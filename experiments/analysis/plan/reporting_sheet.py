@@ -1,7 +1,4 @@
-"""A sheet with what a report on a study of human-robot interaction has to state: participants,
-robots, their autonomy, failures, and deviations from the plan. It is filled from the data; what
-they do not have is unknown.
-"""
+"""What a report on human-robot interaction has to state, filled from the data."""
 
 import math
 from collections import Counter
@@ -12,14 +9,10 @@ from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.people import NOT_REPORTED, counted_by_kind, table_2
-from experiments.analysis.tables.table import NOTHING, Table, amount, spoken, words
+from experiments.analysis.tables.table import NOTHING, Table, amount, spoken
 from experiments.dataset.exclusions import excluded_participants
 from experiments.dataset.levels import ASSISTANCE, BY_HAND, OF_PLATFORM, REPLACED, UNCOUNTED
-from experiments.dataset.records import (
-    COMPLETED,
-    Dataset,
-    ParticipantRecord,
-)
+from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord
 from experiments.definition.plan import hypotheses_of
 
 NAME = "reporting-sheet"
@@ -49,8 +42,8 @@ Line = tuple[str, str, str]  # section, item, value
 def reporting_sheet(
     dataset: Dataset, measured: Sequence[Measured], everybody: Sequence[ParticipantRecord]
 ) -> Table:
-    """Return the sheet of a dataset of what counts (dataset/counting.py), with its measured
-    sessions; `everybody` has the participants, pilots and bots of the whole dataset.
+    """Return the sheet of a dataset of what counts; `everybody` has the participants of the whole
+    one.
     """
     lines = (
         ("Participants", "in the dataset", counted_by_kind(everybody, "participant")),
@@ -65,14 +58,13 @@ def reporting_sheet(
     )
     rows, last = [], ""
     for section, item, value in lines:
-        rows.append((words("" if section == last else section), words(item), words(value)))
+        rows.append(("" if section == last else section, item, value))
         last = section
     note = "Unknown: neither the study's definition nor its data say."
-    return Table(NAME, "Reporting sheet.", ("Topic", "Item", "Value"), tuple(rows), (note,))
+    return Table.of(NAME, "Reporting sheet.", ("Topic", "Item", "Value"), rows, (note,))
 
 
 def as_markdown(table: Table) -> str:
-    """Return the sheet as Markdown."""
     lines = [f"# {table.title.removesuffix('.')}", ""]
     for topic, item, value in table.rows:
         if topic.text:
@@ -121,7 +113,7 @@ def _ages(ages: Sequence[float]) -> str:
 
 
 def _sexes(dataset: Dataset) -> str:
-    """Return how often each answer was given, from Table 2, where the registration asks for it."""
+    """Return how often each answer was given, from Table 2."""
     definition = dataset.questionnaire(dataset.registration)
     asked = [one for one in definition.questions() if one.key in SEX] if definition else []
     if not asked:

@@ -63,7 +63,6 @@ class Assumption:
 
 
 def assumed(study: StudyDefinition, measure: str) -> Assumption:
-    """Return what the plan expects of a measure, else the defaults."""
     expected = study.plan.expected if study.plan is not None else ()
     own = [one for one in expected if one.measure == measure]
     if not own:
@@ -93,8 +92,8 @@ class SimulatedTest:
 
 
 def correlated(rng: np.random.Generator, shape: tuple[int, int, int], correlation: float) -> Floats:
-    """Return standard normal values, (studies, participants, conditions); those of a participant
-    correlate.
+    """Return standard normal values, (studies, participants, conditions), correlated by
+    participant.
     """
     own = np.sqrt(correlation) * rng.standard_normal((*shape[:2], 1))
     return np.asarray(own + np.sqrt(1.0 - correlation) * rng.standard_normal(shape))
@@ -113,15 +112,13 @@ class Draws:
 
     @property
     def limit(self) -> float:
-        """The time limit of the task, in seconds."""
         return 60.0 * (self.study.task.minutes if self.study.task is not None else MINUTES)
 
     def is_assumed(self, test: str) -> bool:
-        """Tell whether anything is assumed of the conditions, beside the defaults."""
         return bool(self.assumption.levels if test in FAMILIES else self.assumption.means)
 
     def location(self, test: str, condition: str) -> float:
-        """Return the mean that is assumed of a condition, or its share, rate or median time."""
+        """Return the assumed mean of a condition, or its share, rate or median time."""
         about = self.assumption
         if test not in FAMILIES:
             return about.mean(condition)
@@ -145,9 +142,7 @@ class Draws:
         return found
 
     def outcome(self, family: str, condition: str, normal: Floats) -> tuple[Floats, Floats]:
-        """Return values and weights (DriveOutcome) of drives under a condition, from normal
-        values.
-        """
+        """Return values and weights (DriveOutcome) of drives from normal values."""
         level = self.location(family, condition)
         if family == "proportions":
             ends = scipy.special.ndtri(np.clip(level, 1e-6, 1.0 - 1e-6))
@@ -162,9 +157,7 @@ class Draws:
     def drives(
         self, family: str, who: Sequence[str], conditions: Sequence[str], normal: Floats
     ) -> Iterator[list[DriveOutcome]]:
-        """Yield the drives of each study, from their participants, conditions, and normal values
-        (studies, drives).
-        """
+        """Yield the drives of each study, from normal values (studies, drives)."""
         drawn = [self.outcome(family, key, normal[:, at]) for at, key in enumerate(conditions)]
         values, weights = (np.stack(part, axis=1).tolist() for part in zip(*drawn, strict=True))
         for of_study in zip(values, weights, strict=True):

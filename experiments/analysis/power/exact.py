@@ -1,6 +1,4 @@
-"""How many participants an effect needs: exact power of Student's t tests, two-sided (Cohen,
-Statistical Power Analysis, chapter 2), by statsmodels.
-"""
+"""Exact power of Student's t tests, two-sided (Cohen, Statistical Power Analysis, chapter 2)."""
 
 import math
 from dataclasses import dataclass
@@ -13,9 +11,7 @@ MOST = 100_000
 
 @dataclass(frozen=True)
 class Need:
-    """Participants that a standardized difference needs, in each group and in all; a study within
-    participants has one group.
-    """
+    """How many participants a standardized difference needs; within participants in one group."""
 
     effect: float
     per_group: int
@@ -29,9 +25,7 @@ def _test(design: Compared) -> Any:
 
 
 def power(effect: float, participants: int, design: Compared, alpha: float = 0.05) -> float:
-    """Return the chance to find a standardized difference of means (Cohen's d between groups, d_z
-    of the differences within) with so many participants in each group.
-    """
+    """Return the power for d between groups, or d_z within, of so many participants a group."""
     if participants < 2:
         return 0.0
     return float(_test(design).power(abs(effect), participants, alpha))
@@ -40,11 +34,8 @@ def power(effect: float, participants: int, design: Compared, alpha: float = 0.0
 def participants_needed(
     effect: float, design: Compared, *, groups: int = 2, target: float = 0.8, alpha: float = 0.05
 ) -> Need | None:
-    """Return how many participants find an effect with a chance of at least `target`; None if not
-    even `MOST` in each group do.
-
-    With more than two groups, the pair that differs by `effect` is compared at an alpha that is
-    shared by all pairs (Bonferroni).
+    """Return how many participants give an effect the `target` power, None above MOST a group. The
+    pairs of more than two groups share alpha (Bonferroni).
     """
     shared = alpha / max(1, groups * (groups - 1) // 2)
     if effect == 0.0 or power(effect, MOST, design, shared) < target:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from experiments.analysis.power.draws import REASONS, Assumption, Orders, assumed
 from experiments.analysis.power.simulation import SimulatedStudies, simulate
 from experiments.analysis.statistics.descriptive import wilson
-from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.analysis.tables.table import Table, number
 from experiments.definition.factors import conditions_together
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import StudyDefinition
@@ -35,8 +35,6 @@ METHOD = (
 
 @dataclass(frozen=True)
 class PowerOptions:
-    """The seed of chance, the number of simulated studies, and the orders of conditions."""
-
     seed: int = 1
     studies: int = STUDIES
     orders: Orders = field(default_factory=dict)
@@ -44,9 +42,9 @@ class PowerOptions:
 
 @dataclass(frozen=True)
 class PowerReport:
-    """The power for some numbers of participants, and the least number that is enough for every
-    test that decides on a hypothesis (None: more than can be tried, or, without `is_searched`,
-    nothing to look for).
+    """Power by numbers of participants, and the least that is enough for every test of a
+    hypothesis. `needed` is None above MOST and, without `is_searched`, if no test has anything to
+    find.
     """
 
     simulations: tuple[SimulatedStudies, ...]
@@ -58,9 +56,8 @@ class PowerReport:
 def power_report(
     study: StudyDefinition, participants: Sequence[int], options: PowerOptions
 ) -> PowerReport:
-    """Return the power of a study for numbers of participants, and the least number for the power
-    that its plan wants: of the tests that have something to find and decide on hypotheses, or of
-    all that have, where none decides.
+    """Return the power of a study for numbers of participants, and the least number that is enough
+    for the tests that decide on hypotheses; without these, for all that have something to find.
     """
 
     def at(people: int) -> SimulatedStudies:
@@ -87,8 +84,8 @@ def power_report(
 def least_participants(
     power: Callable[[int], float], kinds: int, target: float, most: int = MOST
 ) -> int | None:
-    """Return the least multiple of the kinds of participants whose power is at least `target`, or
-    None if not even `most` have it; power is taken to grow with participants.
+    """Return the least multiple of `kinds` whose power is at least `target`, or None above `most`;
+    power is taken to grow with participants.
     """
     low, high = LEAST - 1, LEAST
     while power(high * kinds) < target:
@@ -107,22 +104,20 @@ def least_participants(
 
 
 def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Table:
-    """Return a row for each test and number of participants, with what was assumed below."""
     plan = study.plan or StudyPlan()
-    rows = [row for one in found.simulations for row in _rows(one, plan.alpha)]
+    rows = (row for one in found.simulations for row in _rows(one, plan.alpha))
     null = sum(one.is_null for one in found.simulations[0].tests) if found.simulations else 0
     method = [text.format(alpha=plan.alpha, studies=studies, null=null) for text in METHOD]
     notes = (_needed(found, plan), *_assumptions(study, found), *method, *REASONS)
-    return Table("power", "Power by simulation.", HEAD, tuple(rows), notes)
+    return Table.of("power", "Power by simulation.", HEAD, rows, notes)
 
 
-def _rows(found: SimulatedStudies, alpha: float) -> Iterator[tuple[TableCell, ...]]:
+def _rows(found: SimulatedStudies, alpha: float) -> Iterator[tuple[object, ...]]:
     for one, (hits, studies) in zip(found.tests, found.power(alpha), strict=True):
         if not one.is_null:
             names = (one.analysis, one.measure, one.label, ", ".join(one.hypotheses))
             shares = (hits / studies, *(wilson(hits, studies) or (None, None)))
-            cells = (*map(words, names), *(number(share, 3) for share in shares))
-            yield count(found.participants), *cells
+            yield found.participants, *names, *(number(share, 3) for share in shares)
 
 
 def _needed(found: PowerReport, plan: StudyPlan) -> str:
@@ -135,7 +130,6 @@ def _needed(found: PowerReport, plan: StudyPlan) -> str:
 
 
 def _assumptions(study: StudyDefinition, found: PowerReport) -> list[str]:
-    """Return a sentence for all measures of which the same is assumed."""
     measures: dict[str, list[str]] = {}
     for measure, one in found.assumptions.items():
         text = f"({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."

@@ -11,9 +11,9 @@ from experiments.analysis.power.draws import DIFFERENCE, Draws, Found
 from experiments.analysis.statistics.mixed_models import RobustTests, grouped, p_of
 from experiments.analysis.statistics.models import CannotFitError, Design, Row, design_of
 from experiments.analysis.statistics.regression import Family, fit_family
+from experiments.analysis.tables.declared import levels_of
 from experiments.dataset.columns import Floats
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
-from experiments.definition.schema import StudyDefinition
 
 LINKS: Mapping[str, Callable[[Floats], Floats]] = {
     "proportions": scipy.special.logit,
@@ -40,8 +40,8 @@ def modelled(draws: Draws, analysis: DeclaredAnalysis, measure: str) -> Found:
 
 @dataclass(frozen=True, eq=False)
 class _ModelData:
-    """The observations of a model: what each has of its terms, and its place (kind of participant,
-    participant, condition); and the columns, None where these participants are too few for them.
+    """The observations of a model, each at its place (kind of participant, participant, condition).
+    `design` is None where there are too few participants.
     """
 
     draws: Draws
@@ -71,7 +71,7 @@ class _ModelData:
                         places.append((kind, person, column))
         terms = (*analysis.effects, *analysis.covariates)
         try:
-            design = design_of(_levels(draws.study, rows), terms, rows)
+            design = design_of(levels_of(draws.study, rows), terms, rows)
         except CannotFitError:
             design = None
         return cls(draws, analysis, rows, places, design)
@@ -85,7 +85,6 @@ class _ModelData:
         return [str(row["condition"]) for row in self.rows]
 
     def is_null(self) -> list[bool]:
-        """Tell of each effect whether it is 0 under the assumptions."""
         test, effects = self.analysis.test, self.analysis.effects
         if self.design is None:
             return [True] * len(effects)
@@ -98,8 +97,8 @@ class _ModelData:
         return [bool((np.abs(estimates[places]) <= 1e-9 * size).all()) for places in own]
 
     def p_values(self, raised: Mapping[str, str] | None = None) -> Floats:
-        """Return the p values of every effect, (studies, effects), where the levels of some factors
-        are raised; 1 where the model cannot be fitted.
+        """Return the p values of every effect, (studies, effects); 1 where the model cannot be
+        fitted. `raised` has the levels that are higher than others, by factor.
         """
         test, samples = self.analysis.test, self.draws.samples(self.analysis.test)
         values = np.stack([samples[kind][:, who, at] for kind, who, at in self.places], axis=1)
@@ -138,15 +137,3 @@ class _ModelData:
                 continue
             of_study[:] = [term.p for term in found.terms[: len(of_study)]]
         return p
-
-
-def _levels(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, list[str]]:
-    written = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
-    written["condition"] = [condition.key for condition in study.conditions]
-    for name in ("period", "order"):
-        written[name] = sorted({str(row[name]) for row in rows})
-    given = {name: {row[name] for row in rows if name in row} for name in written}
-    return {
-        name: [level for level in levels if level in given[name]]
-        for name, levels in written.items()
-    }

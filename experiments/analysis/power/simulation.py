@@ -9,7 +9,6 @@ as arrays (studies, participants, conditions), except models by statsmodels.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
 from typing import cast
 
 import numpy as np
@@ -26,11 +25,11 @@ from experiments.analysis.power.simulated_models import modelled
 from experiments.analysis.statistics.comparisons import holm_rows
 from experiments.analysis.statistics.conditions import Compared, p_values
 from experiments.analysis.statistics.regression import DriveOutcome, Family, compare_drives
+from experiments.analysis.tables.declared import conditions_of, contrasts_of
 from experiments.dataset.columns import Floats
 from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
 from experiments.definition.schema import StudyDefinition
-from surveys.documents import spoken
 
 AT_ONCE = 3_000_000  # values of simulated studies in memory
 
@@ -56,9 +55,8 @@ def simulate(
     *,
     orders: Orders | None = None,
 ) -> SimulatedStudies:
-    """Return simulated studies; the same seed gives the same ones. Participants are spread evenly
-    over the kinds of participants (those who have the same conditions). `orders` has the orders of
-    conditions of each kind, for models with `period` or `order`; by default, the definition's.
+    """Return simulated studies; the same seed gives the same ones. `orders` has the orders of each
+    kind of participant, for models with `period` or `order`; by default, the definition's.
     """
     kinds = conditions_together(study)
     each, more = divmod(participants, len(kinds))
@@ -123,35 +121,26 @@ def _of_measure(draws: Draws, measure: str) -> Found:
 
 def _compared(draws: Draws, analysis: DeclaredAnalysis, measure: str) -> Found:
     study, test = draws.study, analysis.test
-    keys = analysis.conditions or tuple(one.key for one in study.conditions)
+    keys, contrasts = (
+        conditions_of(study, analysis),
+        contrasts_of(study, analysis, study.languages[0]),
+    )
     is_assumed = draws.is_assumed(test)
     if not analysis.contrasts:
         is_null = is_assumed and len({draws.location(test, key) for key in keys}) == 1
         named = draws.test(analysis, measure, "all", is_null=is_null)
         yield named, *_with_and_without(draws, test, [(key,) for key in keys], keys[-1:])
-    for number, (label, first, second) in enumerate(_pairs(study, analysis, keys), start=1):
+    for number, (label, first, second) in enumerate(contrasts, start=1):
         a, b = (np.mean([draws.location(test, key) for key in side]) for side in (first, second))
         is_null = is_assumed and bool(a == b)
         named = draws.test(analysis, measure, label, is_null=is_null, contrast=number)
         yield named, *_with_and_without(draws, test, [first, second], first)
 
 
-def _pairs(
-    study: StudyDefinition, analysis: DeclaredAnalysis, keys: Sequence[str]
-) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    if analysis.contrasts:
-        language = study.languages[0]
-        return [(spoken(it.title, language), it.first, it.second) for it in analysis.contrasts]
-    pairs = combinations(keys, 2) if analysis.post_hoc else ()
-    return [(f"{a} − {b}", (a,), (b,)) for a, b in pairs]
-
-
 def _with_and_without(
     draws: Draws, test: str, sides: Sequence[Sequence[str]], raised: Sequence[str]
 ) -> tuple[Floats, Floats]:
-    """Return the p values of a test, (studies,), as assumed and with nothing to find; they are the
-    same where the study assumes anything.
-    """
+    """Return the p values of a test, (studies,), as assumed and with nothing to find."""
     found = _tested(draws, test, sides, draws.samples(test, raised))
     if draws.is_assumed(test):
         return found, found
@@ -161,9 +150,7 @@ def _with_and_without(
 def _tested(
     draws: Draws, test: str, sides: Sequence[Sequence[str]], samples: Sequence[Floats]
 ) -> Floats:
-    """Return the p values of a comparison of sides, (studies,): paired where a participant has
-    conditions of all of them.
-    """
+    """Return the p values of a comparison, (studies,): paired where a participant has all sides."""
     own = [
         [[at for at, key in enumerate(kind) if key in side] for side in sides]
         for kind in draws.noise

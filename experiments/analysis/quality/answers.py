@@ -23,7 +23,6 @@ LEAST_ITEMS = 5  # on one scale, before equal answers say anything
 
 
 def answer_flags(dataset: Dataset) -> Iterator[Flag]:
-    """Yield the flags of all finished responses of a dataset."""
     yield from _speeding(dataset)
     plan = dataset.study.plan
     for check in plan.attention_checks if plan is not None else ():
@@ -40,9 +39,7 @@ def answer_flags(dataset: Dataset) -> Iterator[Flag]:
 
 
 def speeding(seconds: float, items: int, others: Sequence[float]) -> Grade | None:
-    """Grade the time for so many answers to a questionnaire, from its first display to its end;
-    None if it is long enough. `others` are the times of all participants.
-    """
+    """Grade the seconds for `items` answers; None if enough. `others` are everyone's times."""
     if not math.isfinite(seconds) or not items:
         return None
     if seconds < items * SECONDS_PER_ITEM:
@@ -76,7 +73,7 @@ def straight_lining(
     values: Sequence[float], *, has_reversed: bool, middle: float | None = None
 ) -> Grade | None:
     """Grade equal answers to all items of a scale; None if they differ or are too few. Equal
-    answers to items that mean opposites contradict each other, except in the `middle`.
+    answers to opposite items contradict each other, except in the `middle`.
     """
     if len(values) < LEAST_ITEMS or len(set(values)) > 1:
         return None

@@ -15,7 +15,6 @@ from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.recruitment.quality_flags import Flag, Grade, QualityFlag
 
 SAW_SECONDS = 10.0  # of video, before standing still is a decision
-NOT_THE_VISITORS = frozenset({"network", "platform", "robot", "operator"})
 LEAST_INPUTS = 12
 REGULAR, VERY_REGULAR = 0.15, 0.08  # coefficients of variation of the lengths of inputs
 STILL = 0.01  # m/s, rad/s
@@ -39,12 +38,12 @@ def driving_flags(dataset: Dataset, session: SessionRecord) -> Iterator[Flag]:
 
 
 def never_moved(session: SessionRecord) -> tuple[Grade, str] | None:
-    """Flag a driver who saw the video and never moved the robot, unless the network, the platform,
-    the robot or an operator ended the drive.
+    """Flag a driver who saw the video and never moved the robot, if the drive was not ended by
+    anything but the driver.
     """
     seen = session.ended - session.first_frame
     has_moved = math.isfinite(session.first_motion)
-    if has_moved or session.fault_side in NOT_THE_VISITORS or not seen >= SAW_SECONDS:
+    if has_moved or session.fault_side not in {"", "visitor"} or not seen >= SAW_SECONDS:
         return None
     return Grade.SERIOUS, f"saw the video for {seen:.0f} s, never moved"
 
@@ -63,14 +62,9 @@ def regular_input(states: Columns) -> tuple[Grade, str] | None:
 
 
 def input_lengths(stamps: Floats, linear: Floats, angular: Floats) -> Floats:
-    """Return for how many seconds each input lasted: a time in which the requested motion kept its
-    direction (forward, back, left, right, or a combination). Times without a request, and the first
-    and the last input, which the record may cut, are left out.
-
-    Args:
-        stamps: (n,), seconds.
-        linear: (n,), requested speeds in m/s; NaN where nothing was requested.
-        angular: (n,), requested turn rates in rad/s; NaN likewise.
+    """Return how many seconds each input lasted: a time in which the requested motion kept its
+    direction (forward, back, left, right, or a combination), without the first and the last one,
+    which the record may cut. All are (n,): seconds, m/s and rad/s, NaN without a request.
     """
     known = np.nan_to_num([linear, angular])
     directions = np.array([3.0, 1.0]) @ (np.sign(known) * (np.abs(known) > STILL))

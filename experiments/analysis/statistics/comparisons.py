@@ -41,8 +41,6 @@ UNKNOWN = IntervalEstimate()
 
 @dataclass(frozen=True)
 class Test:
-    """A test of one hypothesis."""
-
     name: str  # "–" without a test
     n: int  # participants tested; pairs, for a paired test
     statistic: float = math.nan  # NaN without a test; `remark` then gives the reason
@@ -55,7 +53,6 @@ class Test:
 
     @property
     def is_known(self) -> bool:
-        """Tell whether the test has a p value."""
         return math.isfinite(self.p)
 
 
@@ -78,7 +75,6 @@ def tied(values: Floats) -> Floats:
 
 
 def between(first: Floats, second: Floats) -> Test:
-    """Compare two groups of two or more participants each; the effect is d."""
     n = len(first) + len(second)
     difference = float(first.mean() - second.mean())
     scale = float(np.abs(np.concatenate((first, second))).max())
@@ -89,7 +85,6 @@ def between(first: Floats, second: Floats) -> Test:
 
 
 def within(first: Floats, second: Floats) -> Test:
-    """Compare two conditions that the same participants had; the effect is d_z."""
     n = len(first)
     if n < 2:
         return Test("paired t", n, remark=TOO_FEW)
@@ -105,7 +100,6 @@ def within(first: Floats, second: Floats) -> Test:
 def _of_t(
     found: "scipy.stats._stats_py.TtestResult", difference: float
 ) -> tuple[float, tuple[float, ...], float, IntervalEstimate]:
-    """Return the statistic, df, p and difference of a t test."""
     bounds = found.confidence_interval(LEVEL)
     estimate = IntervalEstimate(difference, float(bounds.low), float(bounds.high))
     return float(found.statistic), (float(found.df),), float(found.pvalue), estimate
@@ -134,9 +128,7 @@ def _standardized(first: Floats, second: Floats) -> IntervalEstimate:
 
 
 def several_between(groups: Sequence[Floats]) -> Test:
-    """Compare three or more groups of participants, each with variance (Welch's F); the effect is
-    η²p, which is η² because there is one factor.
-    """
+    """Compare three or more groups, each with variance (Welch's F); η²p is η² with one factor."""
     from statsmodels.stats.oneway import anova_oneway  # noqa: PLC0415 - not on robots
 
     found = anova_oneway(groups, use_var="unequal")
@@ -148,7 +140,6 @@ def several_between(groups: Sequence[Floats]) -> Test:
 
 
 def several_within(table: Floats) -> Test:
-    """Compare the means of three or more conditions that the same participants had, (n, k)."""
     n = len(table)
     name = "repeated-measures F"
     if n < 2:
@@ -183,7 +174,6 @@ def repeated_measures(table: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def correlation(first: Floats, second: Floats) -> Test:
-    """Return Spearman's rank correlation of pairs; pairs with a NaN do not count."""
     given = np.isfinite(first) & np.isfinite(second)
     x, y = tied(first[given]), tied(second[given])
     n, name = len(x), "Spearman ρ"
@@ -197,9 +187,7 @@ def correlation(first: Floats, second: Floats) -> Test:
 
 
 def by_fisher(size: float, error: float) -> IntervalEstimate:
-    """Return a number between -1 and 1 with its interval by Fisher's z, of which `error` is the
-    standard error; without an interval at either end.
-    """
+    """Return a number in [-1, 1] with its interval by Fisher's z of standard error `error`."""
     if abs(size) >= 1.0:
         return IntervalEstimate(size)
     centre, slack = math.atanh(size), Z * error

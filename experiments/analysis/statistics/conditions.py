@@ -1,6 +1,4 @@
-"""Conditions of the same or of different participants, compared by means, by ranks or as
-proportions; some may have too few participants, or no variance.
-"""
+"""Conditions compared by means, by ranks or as proportions, where some may lack participants."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
@@ -96,17 +94,15 @@ def _unfit(group: Mapping[str, float], needs_variance: bool) -> str:
 
 
 def complete(groups: Sequence[Mapping[str, float]]) -> Floats:
-    """Return the values of the participants who have one in every group, (n, k), in the order of
-    their codes.
-    """
+    """Return the values of participants who have one in every group, (n, k), by code."""
     shared = sorted(set.intersection(*(set(group) for group in groups)))
     rows = [[group[code] for group in groups] for code in shared]
     return np.array(rows, dtype=np.float64).reshape(len(shared), len(groups))
 
 
 def p_values(samples: Sequence[Floats], *, is_paired: bool, by: Compared) -> Floats:
-    """Return the p values of `compare` for many studies at once: of conditions, (…, n) each, whose
-    participants are the same ones if `is_paired`. Without variance, p is 1.
+    """Return the p values of `compare` for many studies at once, of conditions (…, n); 1 without
+    variance.
     """
     found: Floats
     if by == "proportions" and len(samples) == 2:

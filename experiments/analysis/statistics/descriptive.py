@@ -39,9 +39,7 @@ def spread(values: Sequence[float] | Floats) -> Spread:
 
 
 def shares(counts: Sequence[int]) -> tuple[float, ...] | None:
-    """Return counts as percentages with all digits, or None if all are 0. Tables round each by
-    itself, so that equal counts look equal, and may not sum to 100 (their note is `ROUNDED`).
-    """
+    """Return counts as percentages with all digits, or None if all are 0."""
     total = sum(counts)
     return tuple(100.0 * count / total for count in counts) if total else None
 

@@ -40,11 +40,7 @@ class OneFactor:
 
 
 def cronbach(items: Floats) -> IntervalEstimate:
-    """Return alpha with its 95 % confidence interval.
-
-    Raises:
-        UndefinedCoefficientError: fewer than two items or participants, or no variance.
-    """
+    """Return alpha with its interval, or raise UndefinedCoefficientError."""
     n, k = items.shape
     if k < 2:
         raise UndefinedCoefficientError("one item")
@@ -61,13 +57,8 @@ def cronbach(items: Floats) -> IntervalEstimate:
 
 
 def mcdonald(items: Floats) -> tuple[IntervalEstimate, tuple[int, ...]]:
-    """Return omega with its 95 % confidence interval, and the places of the items whose ψ is at its
-    bound: if there is one, there is no interval.
-
-    Raises:
-        UndefinedCoefficientError: fewer than three items, no more participants than items, an item
-            without variance, items of which one is the sum of others, or a factor that is not
-            identified.
+    """Return omega with its interval, and the places of items whose ψ is at its bound: then there
+    is no interval. Raises UndefinedCoefficientError.
     """
     n, k = items.shape
     if k < 3:
@@ -103,9 +94,6 @@ def against_the_rest(items: Floats) -> Floats:
 def one_factor(covariances: Floats) -> OneFactor:
     """Fit the model to covariances (k, k) by maximum likelihood, minimised over ψ alone (Jöreskog,
     1967), on the scale of correlations, from several starts: few participants give local minima.
-
-    Raises:
-        UndefinedCoefficientError: the covariances are singular.
     """
     sd = np.sqrt(np.diag(covariances))
     correlations = covariances / np.outer(sd, sd)
@@ -152,8 +140,8 @@ def _factored(uniquenesses: Floats, correlations: Floats) -> tuple[Floats, Float
 
 
 def _error_of_omega(model: OneFactor, n: int) -> float:
-    """Return the standard error of omega by the delta method, with the expected information on
-    (λ, ψ), (2k, 2k): n/2 · tr(Σ⁻¹ ∂ᵢΣ Σ⁻¹ ∂ⱼΣ).
+    """Return the standard error of omega by the delta method, with the expected information on (λ,
+    ψ), (2k, 2k): n/2 · tr(Σ⁻¹ ∂ᵢΣ Σ⁻¹ ∂ⱼΣ).
     """
     loadings, k = model.loadings, len(model.loadings)
     common, own = float(loadings.sum()), float(model.uniquenesses.sum())

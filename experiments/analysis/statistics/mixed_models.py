@@ -51,11 +51,7 @@ class RemlFit:
 
 
 def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str]) -> FittedModel:
-    """Fit a model to observations of participants; `who` has the participant of each.
-
-    Raises:
-        CannotFitError: there are too few data, no variance, or columns that depend on each other.
-    """
+    """Fit a model to observations of the participants in `who`; may raise CannotFitError."""
     groups, people = grouped(who)
     check_data(outcome, design.columns, people)
     found = reml(outcome, design.columns, groups, people)
@@ -167,10 +163,8 @@ class RobustTests:
 
     def wald(self, outcomes: Floats, places: Sequence[int]) -> tuple[Floats, tuple[float, float]]:
         """Return F that the coefficients at some places are all 0, (…,), and its degrees of
-        freedom.
-
-        Their covariance has about η times a Wishart distribution; η is such that its total variance
-        is the one under the working covariance.
+        freedom. Their covariance has about η times a Wishart distribution, with the total variance
+        that it has under the working covariance.
         """
         own = list(places)
         estimates = self.estimates(outcomes)
@@ -214,7 +208,6 @@ class RobustTests:
         return len(own) * (len(own) + 1.0) / total
 
     def coefficient(self, outcome: Floats, place: int, name: str) -> Coefficient:
-        """Return one coefficient of one outcome, (n,)."""
         estimates, df = self.estimates(outcome), self._freedom([place])
         value = float(estimates[place])
         error = math.sqrt(float(self._covariance(outcome, estimates, [place])[0, 0]))
@@ -222,7 +215,6 @@ class RobustTests:
 
 
 def coefficient(name: str, value: float, error: float, df: float) -> Coefficient:
-    """Return a coefficient with its interval and test by t."""
     slack = float(scipy.special.stdtrit(df, UPPER)) * error
     t = value / error
     p = float(2.0 * scipy.special.stdtr(df, -abs(t)))
@@ -230,13 +222,12 @@ def coefficient(name: str, value: float, error: float, df: float) -> Coefficient
 
 
 def p_of(f: Floats, df: tuple[float, float]) -> Floats:
-    """Return the p values of F, (…,)."""
     return np.asarray(scipy.special.fdtrc(*df, f))
 
 
 def _inverse_root(matrix: Floats, scale: float = 0.0) -> Floats:
-    """Return the inverse of the symmetric root of a matrix; directions whose variance is rounding
-    beside the largest one, or beside `scale`, are dropped.
+    """Return the inverse of a matrix's symmetric root, without directions whose variance is
+    rounding beside the largest one, or beside `scale`.
     """
     values, vectors = np.linalg.eigh(matrix)
     least = 1e-10 * max(scale, float(values[-1]))

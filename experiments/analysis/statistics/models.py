@@ -29,9 +29,7 @@ class CannotFitError(ValueError):
 
 @dataclass(frozen=True)
 class Design:
-    """The columns of a model: (n, k), what each is called, and to which term it belongs (0 is the
-    intercept).
-    """
+    """The columns of a model, (n, k), their names, and their terms (0 is the intercept)."""
 
     columns: Floats
     names: tuple[str, ...]
@@ -42,9 +40,7 @@ class Design:
         return [at for at, own in enumerate(self.terms) if own == term]
 
     def difference(self, term: int, half: IntervalEstimate) -> IntervalEstimate:
-        """Return the first level of a factor less the second, which is twice its coefficient in sum
-        coding; unknown for other terms and factors with more levels.
-        """
+        """Return the first of two levels less the second: twice the coefficient in sum coding."""
         (place, *others) = self.places(term)
         name = self.names[place]
         if others or ":" in name or " " not in name:  # an interaction, or a covariate
@@ -54,8 +50,6 @@ class Design:
 
 @dataclass(frozen=True)
 class Coefficient:
-    """A coefficient of the model; `error` is its standard error."""
-
     name: str
     estimate: IntervalEstimate
     error: float
@@ -66,9 +60,7 @@ class Coefficient:
 
 @dataclass(frozen=True)
 class TermTest:
-    """An F test that all coefficients of a term are 0, and the difference of a factor's two levels,
-    first less second.
-    """
+    """An F test that all coefficients of a term are 0; `difference` is of a factor's two levels."""
 
     name: str
     f: float
@@ -93,9 +85,7 @@ def design_of(
     levels: Levels, terms: Sequence[str], rows: Sequence[Row], coding: Coding = "sum"
 ) -> Design:
     """Return the columns of a model; terms are factors, covariates, or several with colons between.
-
-    Raises:
-        CannotFitError: a factor has only one level.
+    Raises CannotFitError where a factor has only one level.
     """
     columns, names, places = [np.ones(len(rows))], [INTERCEPT], [0]
     for number, term in enumerate(terms, start=1):
@@ -123,11 +113,7 @@ def _coded(
 
 
 def check_data(outcome: Floats, columns: Floats, people: int) -> None:
-    """Refuse data to which no model can be fitted.
-
-    Raises:
-        CannotFitError: there are too few data, no variance, or columns that depend on each other.
-    """
+    """Raise CannotFitError for data to which no model can be fitted."""
     n, k = columns.shape
     if people < 3:
         raise CannotFitError("fewer than three participants")

@@ -6,6 +6,7 @@ its own effect size; its interval is Newcombe's hybrid score, and of pairs that 
 docs/explanation/statistics.md has the sources.
 """
 
+import logging
 import math
 from collections.abc import Sequence
 from dataclasses import replace
@@ -32,7 +33,6 @@ LEAST_EXPECTED = 1.0  # successes or failures in a group, for χ² (Campbell, 20
 
 
 def two_proportions(first: Floats, second: Floats) -> Test:
-    """Compare two groups of two or more participants each, zeros and ones."""
     from statsmodels.stats.proportion import (  # noqa: PLC0415 - not on robots
         confint_proportions_2indep,
     )
@@ -51,9 +51,7 @@ def two_proportions(first: Floats, second: Floats) -> Test:
 
 
 def paired_proportions(first: Floats, second: Floats) -> Test:
-    """Compare two conditions that the same participants had, zeros and ones; the statistic is the
-    number of those who succeeded in the first one alone.
-    """
+    """Compare two conditions; the statistic counts those who succeeded in the first one alone."""
     n = len(first)
     if n < 2:
         return Test(MCNEMAR, n, remark=TOO_FEW)
@@ -97,8 +95,18 @@ def _boschloo(a: int, b: int, n: int, m: int) -> tuple[float, float]:
     """Return Boschloo's statistic and p value of a of n successes against b of m."""
     if a + b in {0, n + m}:
         return math.nan, 1.0
-    found = scipy.stats.boschloo_exact([[a, b], [n - a, m - b]])
+    # SciPy's optimizer logs each of its steps at INFO, by the root logger itself
+    root = logging.getLogger()
+    root.addFilter(_is_not_of_scipy)
+    try:
+        found = scipy.stats.boschloo_exact([[a, b], [n - a, m - b]])
+    finally:
+        root.removeFilter(_is_not_of_scipy)
     return float(found.statistic), min(1.0, float(found.pvalue))
+
+
+def _is_not_of_scipy(record: logging.LogRecord) -> bool:
+    return record.module != "_shgo"
 
 
 def mcnemar_p(first: Floats, second: Floats) -> Floats:

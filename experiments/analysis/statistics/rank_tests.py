@@ -33,9 +33,7 @@ FRIEDMAN = "Friedman χ²"
 
 
 def signed_ranks(first: Floats, second: Floats) -> Test:
-    """Compare two conditions that the same participants had; the statistic is the sum of the
-    positive ranks.
-    """
+    """Compare two conditions of the same participants; the statistic sums the positive ranks."""
     n = len(first)
     if n < 2:
         return Test(SIGNED, n, remark=TOO_FEW)
@@ -71,7 +69,6 @@ def rank_sums(first: Floats, second: Floats) -> Test:
 
 
 def several_ranked(groups: Sequence[Floats]) -> Test:
-    """Compare three or more groups of participants; the effect is ε²."""
     values = tied(np.concatenate(groups))
     n, df = len(values), len(groups) - 1.0
     if (values == values[0]).all():
@@ -83,9 +80,7 @@ def several_ranked(groups: Sequence[Floats]) -> Test:
 
 
 def several_ranked_within(table: Floats, name: str = FRIEDMAN) -> Test:
-    """Compare three or more conditions that the same participants had, (n, k); the effect is
-    Kendall's W. Of zeros and ones, this is Cochran's Q (1950).
-    """
+    """Compare three or more conditions, (n, k); of zeros and ones, this is Cochran's Q (1950)."""
     n, k = table.shape
     if n < 2:
         return Test(name, n, remark=TOO_FEW)
@@ -98,7 +93,6 @@ def several_ranked_within(table: Floats, name: str = FRIEDMAN) -> Test:
 
 
 def signed_rank_p(differences: Floats) -> Floats:
-    """Return the p values of Wilcoxon's test of differences, (…, n)."""
     found = scipy.stats.wilcoxon(differences, zero_method="pratt", axis=-1)
     return np.asarray(found.pvalue)
 

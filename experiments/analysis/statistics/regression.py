@@ -85,12 +85,9 @@ def fit_family(
     *,
     with_coefficients: bool = True,
 ) -> FittedModel:
-    """Fit a model to the drives of participants. Where the effects separate the outcomes completely
-    (in a level, all drives succeeded), there are tests but no coefficients. Simulations need tests
-    only, and leave out the coefficients.
-
-    Raises:
-        CannotFitError: there are too few data, no variance, or columns that depend on each other.
+    """Fit a model to drives; may raise CannotFitError. Where the effects separate the outcomes
+    completely (in a level, all drives succeeded), there are tests but no coefficients. Simulations
+    need tests only, and leave out the coefficients.
     """
     groups, people = grouped([one.who for one in outcomes])
     values, weights = _arrays(outcomes)
@@ -118,8 +115,8 @@ def fit_family(
 
 @contextmanager
 def _separation() -> Iterator[None]:
-    """Replace warnings and errors of a fit by the reason: where all drives of a level have the same
-    outcome, estimates run to infinity.
+    """Raise CannotFitError for errors of a fit: where all drives of a level have the same outcome,
+    estimates run to infinity.
     """
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -153,7 +150,7 @@ def _coefficients(
             model = PHReg(values, columns, status=weights)
             estimates = np.asarray(model.fit(disp=0).params)
             inverse = np.linalg.inv(model.hessian(estimates))
-            if not -inverse.diagonal().min() <= LARGEST**2:  # several may share what is unbounded
+            if not -inverse.diagonal().min() <= LARGEST**2:  # an unbounded one may be shared
                 raise CannotFitError(SEPARATED)
             # statsmodels has no covariance by groups where a drive was never at risk
             summed = _by_participant(_residuals(model, estimates), groups, people)
@@ -219,9 +216,7 @@ def _scores_of_times(times: Floats, came: Floats, columns: Floats, own: Sequence
 
 
 def _residuals(model: Any, estimates: Floats) -> Floats:
-    """Return the score residuals of drives, (n, k); one that ended before anybody's time came was
-    never at risk, and has 0 where statsmodels has NaN.
-    """
+    """Return score residuals, (n, k); 0, not NaN, of drives that ended before any time came."""
     return np.asarray(np.nan_to_num(model.score_residuals(estimates)))
 
 
@@ -233,10 +228,7 @@ def _by_participant(scores: Floats, groups: Any, people: int) -> Floats:
 
 def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[float, float]]:
     """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom;
-    NaN of scores that are NaN.
-
-    Raises:
-        CannotFitError: they do not vary.
+    NaN of scores that are NaN. Raises CannotFitError if they do not vary.
     """
     if np.isnan(scores).any():
         return math.nan, (math.nan, math.nan)
@@ -258,10 +250,8 @@ def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[f
 def compare_drives(family: Family, sides: Sides, *, with_ratio: bool = True) -> Test:
     """Return the test of a difference between sides of drives: of proportions, with one drive of a
     participant on each side, by conditions.compare; of times of different participants by the
-    log-rank test; otherwise by the score test of a model of the sides.
-
-    A side with drives of fewer than two participants is left out, which the remark says. The ratio
-    of two sides takes most of the time; simulations leave it out.
+    log-rank test; otherwise by the score test of a model of the sides. Sides with fewer than two
+    participants are left out. The ratio takes most of the time; simulations leave it out.
     """
     codes = {key: {one.who for one in side} for key, side in sides.items()}
     kept = {key: side for key, side in sides.items() if len(codes[key]) >= 2}
@@ -282,7 +272,6 @@ def compare_drives(family: Family, sides: Sides, *, with_ratio: bool = True) -> 
 
 
 def _score_test(family: Family, sides: Sides, *, with_ratio: bool) -> Test:
-    """Return the score test of a model of sides, with the ratio of two if it has an estimate."""
     outcomes = [one for side in sides.values() for one in side]
     name, n = SCORE[family], len({one.who for one in outcomes})
     if family == "times" and not any(one.weight for one in outcomes):
@@ -321,8 +310,8 @@ def _log_rank(sides: Sides, *, with_ratio: bool) -> Test:
 
 
 def median_time(side: Sequence[DriveOutcome]) -> float | None:
-    """Return the median of times by Kaplan and Meier (1958); None if it came in less than half of
-    the drives. Where exactly half are left for a while, it is the middle of that time, as in R.
+    """Return the median of times by Kaplan and Meier (1958), None if most drives lack one. Where
+    exactly half are left for a while, it is the middle of that time, as in R.
     """
     from statsmodels.duration.survfunc import SurvfuncRight  # noqa: PLC0415 - not on robots
 

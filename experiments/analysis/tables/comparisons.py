@@ -1,6 +1,4 @@
-"""A row of a comparison: what was compared, each condition in numbers, and the test with everything
-that a reader needs to check it.
-"""
+"""A row of a comparison: what was compared, each condition in numbers, and the test."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -38,9 +36,7 @@ READ_AS = (
 
 @dataclass(frozen=True)
 class ComparedSide:
-    """A side of a comparison: a value a participant, and the sessions that they come from. Times
-    that are censored have no mean, and the `median` that is given.
-    """
+    """A value a participant, and the sessions behind them. Censored times have no mean."""
 
     values: Mapping[str, float]
     sessions: Sequence[str] = ()
@@ -49,7 +45,7 @@ class ComparedSide:
 
 
 def participant_means(values: Iterable[tuple[str, float]]) -> dict[str, float]:
-    """Return the mean of each participant's values, from pairs of a participant and a value."""
+    """Return each participant's mean, from pairs of a participant and a value."""
     found: dict[str, list[float]] = {}
     for who, value in values:
         found.setdefault(who, []).append(value)
@@ -57,13 +53,11 @@ def participant_means(values: Iterable[tuple[str, float]]) -> dict[str, float]:
 
 
 def head_of(keys: Sequence[str]) -> tuple[str, ...]:
-    """Return the head of `compared`, without its first word."""
     parts = ("n", "mean", "SD", "median", "IQR")
     return (*(f"{key}: {part}" for key in keys for part in parts), *TESTED)
 
 
 def compared(label: str, groups: Sequence[ComparedSide], test: Test, corrected: float) -> Row:
-    """Return a row: what was compared, each group, and the test with its corrected p value."""
     cells: list[TableCell] = []
     for group in groups:
         about, ids = spread(list(group.values.values())), group.sessions
@@ -75,7 +69,6 @@ def compared(label: str, groups: Sequence[ComparedSide], test: Test, corrected: 
 
 
 def tested(test: Test, corrected: float) -> Row:
-    """Return the cells of TESTED."""
     degrees = (*test.df, None, None)[:2]
     return (
         *(words(test.name), count(test.n), number(test.statistic, 2)),
@@ -86,7 +79,6 @@ def tested(test: Test, corrected: float) -> Row:
 
 
 def estimated(estimate: IntervalEstimate, decimals: int) -> Row:
-    """Return a number and the bounds of its interval."""
     return tuple(number(one, decimals) for one in (estimate.value, estimate.low, estimate.high))
 
 
@@ -101,15 +93,8 @@ def comparison_table(
     found: Sequence[tuple[str, Compared]],
     notes: Iterable[str],
 ) -> Table:
-    """Return a table of comparisons between the same sides, whose tests are one family.
-
-    Args:
-        name: of its files.
-        title: above it.
-        head: of the column that says what was compared.
-        keys: the names of the sides.
-        found: a row each: what was compared, and how.
-        notes: below it, before what every such table says.
+    """Return a table of comparisons between the same sides, whose tests are one family: `head`
+    names the column of what was compared, `keys` are the sides, and `found` has a row each.
     """
     corrected, members = corrected_for([one for _, one in found])
     rows = (
@@ -120,13 +105,12 @@ def comparison_table(
 
 
 def family(members: int) -> str:
-    """Return the sentence on what the p values of a table are corrected for."""
     return f"p (Holm): corrected for the {amount(members, 'different test')} of this table."
 
 
 def corrected_for(found: Sequence[Compared]) -> tuple[tuple[float, ...], int]:
-    """Return the p values of a table, corrected by Holm's method, and how many tests the family
-    has: rows of the same data are one of them.
+    """Return p values corrected by Holm's method, and the number of tests in the family: rows of
+    the same data are one.
     """
     members = [tuple(tuple(sorted(one.values.items())) for one in own) for _, own in found]
     known = {one for one, (test, _) in zip(members, found, strict=True) if test.is_known}

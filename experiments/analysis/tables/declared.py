@@ -1,5 +1,4 @@
-"""The analyses that the study declared (experiments/definition/analyses.py), a table each, and one
-more with the coefficients of a model.
+"""A table for each declared analysis, and one for the coefficients of each model.
 
 In tests of means and ranks, and in mixed models, a participant has one value of a measure in each
 condition: the mean over their sessions or responses. Proportions, counts and times are of each
@@ -33,20 +32,8 @@ from experiments.analysis.statistics.regression import (
     compare_drives,
     fit_family,
 )
-from experiments.analysis.tables.comparisons import (
-    DIFFERENCE,
-    READ_AS,
-    REMARK,
-    TESTED,
-    Compared,
-    compared,
-    corrected_for,
-    estimated,
-    family,
-    head_of,
-    tested,
-)
-from experiments.analysis.tables.drive_outcomes import CENSORED_AT_END, ONLY_KNOWN, RATES, UNMOVED
+from experiments.analysis.tables import comparisons, drive_outcomes
+from experiments.analysis.tables.comparisons import Compared
 from experiments.analysis.tables.measures import StudyMeasures
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.table import Table, TableCell, number, probability
@@ -55,6 +42,7 @@ from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
 from experiments.definition.plan import EXPLORATORY, deciding_hypotheses, is_confirmatory
 from experiments.definition.schema import StudyDefinition
+from surveys.documents import spoken
 
 Cells = tuple[object, ...]
 PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
@@ -90,7 +78,6 @@ CODED = {
 
 
 def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...]:
-    """Return the tables of all analyses that the study declared."""
     data = StudyMeasures(dataset, measured)
     return tuple(
         table
@@ -100,7 +87,6 @@ def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...
 
 
 def name_of(one: DeclaredAnalysis) -> str:
-    """Return the name of an analysis's table."""
     return f"analysis-{one.key.replace('_', '-')}"
 
 
@@ -137,41 +123,40 @@ def _compared(one: DeclaredAnalysis, data: StudyMeasures) -> Table:
     named = [
         (measure, place, *contrast)
         for measure in one.measures
-        for place, contrast in enumerate(_contrasts(one, data), start=1)
+        for place, contrast in enumerate(contrasts_of(study, one, data.dataset.language), start=1)
     ]
     found = [
         _test_sides(one, data, measure, dict(zip(SIDES, sides, strict=True)))
         for measure, _, _, *sides in named
     ]
-    corrected, members = corrected_for(found)
+    corrected, members = comparisons.corrected_for(found)
     rows = [] if one.contrasts else list(_omnibus(one, data))
     for (measure, place, title, *_), (test, groups), p in zip(named, found, corrected, strict=True):
         plan = _planned(one, study, measure, contrast=place)
-        rows.append((measure, *compared(title, groups, test, p), *plan))
+        rows.append((measure, *comparisons.compared(title, groups, test, p), *plan))
     notes = (
         "Declared in the study's definition, which is frozen when the study is published."
         + ("" if one.contrasts else " all: every condition at once, corrected among themselves."),
         f"p (Holm): {members} different tests of contrasts are one family.",
         RULES[study.analysis.counts],
         *_about_metrics(one),
-        *READ_AS,
+        *comparisons.READ_AS,
         "r: rank-biserial correlation; ε²: epsilon squared. Difference of ranks: Hodges-Lehmann.",
     )
-    head = ("Measure", "Contrast", *head_of(SIDES), *_plan_head(study))
+    head = ("Measure", "Contrast", *comparisons.head_of(SIDES), *_plan_head(study))
     return Table.of(name_of(one), f"{_title(one, data)}.", head, rows, notes)
 
 
 def _about_metrics(one: DeclaredAnalysis) -> Iterator[str]:
-    """Yield sentences on sessions that were cut short."""
     if one.test == "times":
-        yield CENSORED_AT_END
+        yield drive_outcomes.CENSORED_AT_END
     if one.test in {"times", "proportions"}:
-        yield UNMOVED
+        yield drive_outcomes.UNMOVED
         return
     if CENSORED.intersection(one.measures):
-        yield ONLY_KNOWN
+        yield drive_outcomes.ONLY_KNOWN
     if (PER_MINUTE | OF_COMPLETED).intersection(one.measures):
-        yield RATES
+        yield drive_outcomes.RATES
 
 
 def _test_sides(
@@ -194,26 +179,25 @@ def _test_sides(
 
 
 def _omnibus(one: DeclaredAnalysis, data: StudyMeasures) -> Iterator[Cells]:
-    sides = {key: (key,) for key in _conditions(one, data)}
+    sides = {key: (key,) for key in conditions_of(data.dataset.study, one)}
     found = [_test_sides(one, data, measure, sides) for measure in one.measures]
-    corrected, _ = corrected_for(found)
-    blank = [""] * (len(head_of(SIDES)) - len(TESTED))
+    corrected, _ = comparisons.corrected_for(found)
+    blank = [""] * (len(comparisons.head_of(SIDES)) - len(comparisons.TESTED))
     for measure, (test, _), p in zip(one.measures, found, corrected, strict=True):
         plan = _planned(one, data.dataset.study, measure)
-        yield measure, "all", *blank, *tested(test, p), *plan
+        yield measure, "all", *blank, *comparisons.tested(test, p), *plan
 
 
-def _conditions(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[str, ...]:
-    return one.conditions or tuple(condition.key for condition in data.dataset.study.conditions)
+def conditions_of(study: StudyDefinition, one: DeclaredAnalysis) -> tuple[str, ...]:
+    return one.conditions or tuple(condition.key for condition in study.conditions)
 
 
-def _contrasts(
-    one: DeclaredAnalysis, data: StudyMeasures
+def contrasts_of(
+    study: StudyDefinition, one: DeclaredAnalysis, language: str
 ) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    """Return the title and the conditions of both sides of each contrast."""
     if one.contrasts:
-        return [(data.dataset.say(it.title), it.first, it.second) for it in one.contrasts]
-    pairs = combinations(_conditions(one, data), 2) if one.post_hoc else ()
+        return [(spoken(it.title, language), it.first, it.second) for it in one.contrasts]
+    pairs = combinations(conditions_of(study, one), 2) if one.post_hoc else ()
     return [(f"{a} − {b}", (a,), (b,)) for a, b in pairs]
 
 
@@ -229,7 +213,7 @@ def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]
     corrected = iter(holm(ps))
     head = (
         *("Measure", "Effect", "Participants", "Observations", "Test", "Statistic", "df", "df 2"),
-        *("p", "p (Holm)", *DIFFERENCE, REMARK),
+        *("p", "p (Holm)", *comparisons.DIFFERENCE, comparisons.REMARK),
     )
     rows: list[Cells] = []
     for measure, model in fits.items():
@@ -248,11 +232,11 @@ def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]
                     *(measure, test.name, model.participants, model.observations),
                     *(TESTS[one.test], number(test.f, 2), number(test.df[0], 0)),
                     *(number(test.df[1], 1), probability(test.p), p),
-                    *(*estimated(test.difference, 3), model.remark, *plan),
+                    *(*comparisons.estimated(test.difference, 3), model.remark, *plan),
                 )
             )
     about = (MODELS[one.test], *(() if one.test == "mixed" else (CLUSTERED,)))
-    notes = (*about, IN_SUM_CODING, family(len(ps)), *_about_metrics(one))
+    notes = (*about, IN_SUM_CODING, comparisons.family(len(ps)), *_about_metrics(one))
     heads = (*head, *_plan_head(study))
     return (
         Table.of(name_of(one), f"{_title(one, data)}.", heads, rows, notes),
@@ -269,7 +253,7 @@ def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]
 def _coefficients(measure: str, model: FittedModel) -> Iterator[Cells]:
     for it in model.coefficients:
         yield (
-            *(measure, it.name, *estimated(it.estimate, 3), number(it.error, 3)),
+            *(measure, it.name, *comparisons.estimated(it.estimate, 3), number(it.error, 3)),
             *(number(it.t, 2), number(it.df, 1), probability(it.p)),
         )
     for name, value in model.spreads:
@@ -277,8 +261,8 @@ def _coefficients(measure: str, model: FittedModel) -> Iterator[Cells]:
 
 
 def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> FittedModel | str:
-    """Return the model of a measure, with terms in sum coding and coefficients in the coding that
-    is declared, or why there is none.
+    """Return the model of a measure, or why there is none. Its terms are in sum coding, its
+    coefficients in the declared one.
     """
     if why := data.unknown(one.test, measure):
         return why
@@ -294,21 +278,12 @@ def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> FittedMo
 
 @dataclass(frozen=True)
 class ModelData:
-    """The observations of a model, each one's values of the model's terms, and the levels of
-    these.
-    """
-
     observed: Sequence[DriveOutcome]
     rows: Sequence[Row]
     levels: Mapping[str, Sequence[str]]
     remark: str
 
     def fit(self, one: DeclaredAnalysis, coding: Coding) -> FittedModel:
-        """Return the model.
-
-        Raises:
-            CannotFitError: there is none.
-        """
         terms = (*one.effects, *one.covariates)
         design = design_of(self.levels, terms, self.rows, coding)
         if one.test != "mixed":
@@ -344,12 +319,14 @@ def _observations(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> M
             rows.append({**condition.levels, **own, **given})
     if not observed:
         raise CannotFitError("fewer than three participants")
-    levels = _levels(data.dataset.study, rows) | {key: own for key, (_, own) in covariates.items()}
+    levels = levels_of(data.dataset.study, rows) | {
+        key: own for key, (_, own) in covariates.items()
+    }
     remark = f"participants without a covariate: {len(lacking)}" if lacking else ""
     return ModelData(observed, rows, levels, remark)
 
 
-def _levels(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, Sequence[str]]:
+def levels_of(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, Sequence[str]]:
     """Return the levels of every factor that a model may name: of the study's own, those that it
     declares and that have data.
     """

@@ -1,6 +1,4 @@
-"""How old commands and video were under each condition, and what the robot's safety limits made of
-the commands: whether a condition measured the limits as well as what it was made for.
-"""
+"""Ages of commands and video by condition, and what the robot's safety limits did to commands."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -45,7 +43,6 @@ _PARTS = ((0.9, "nearly all"), (0.6, "most"), (0.4, "half"), (0.27, "a third"), 
 
 
 def ages(dataset: Dataset, measured: Sequence[Measured]) -> Table:
-    """Return the ages of commands and video by condition."""
     rows = []
     for condition, own in _by_condition(dataset, measured):
         sessions = [one.session for one in own]
@@ -71,9 +68,7 @@ def _by_condition(
 
 
 def safety_limits(dataset: Dataset, measured: Sequence[Measured]) -> Table:
-    """Return refusals, slowing and the age of commands by condition; notes name the conditions in
-    which the limits had an effect.
-    """
+    """Return what the limits did by condition; notes name conditions in which this is visible."""
     rows, findings = [], list[str]()
     for condition, own in _by_condition(dataset, measured):
         ids = [one.session.id for one in own]
@@ -92,7 +87,6 @@ def safety_limits(dataset: Dataset, measured: Sequence[Measured]) -> Table:
 
 
 def _manipulation_check(title: str, means: Mapping[str, float | None]) -> Iterator[str]:
-    """Yield a sentence on a condition in which the limits had a visible effect."""
     effects = []
     for act, name in (("slowed", "share_slowed"), ("refused", "share_too_old")):
         share = means[name] or 0.0

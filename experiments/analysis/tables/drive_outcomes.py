@@ -1,6 +1,4 @@
-"""The outcomes of drives, as tests take them. Sessions that were cut short are never averaged with
-others as if they were complete: metrics/definitions.py says what takes the place of each metric.
-"""
+"""Outcomes of drives for tests; metrics/definitions.py says how those cut short are compared."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -33,17 +31,13 @@ RATES = (
 
 
 def sessions_of(name: str, attempts: Iterable[Measured]) -> list[Measured]:
-    """Return those attempts (counting.attempted) that have a metric: of driving, the drives that
-    count.
-    """
+    """Return the attempts that have a metric: of metrics of driving, only drives that count."""
     is_of_all = KINDS.get(name) in {"proportions", "times"}
     return [one for one in attempts if is_of_all or one.session.counts]
 
 
 def comparable(one: Measured, name: str) -> float:
-    """Return a metric of a session as it may be compared with that of a longer one; NaN where it
-    may not.
-    """
+    """Return a metric of a session as it may be compared with that of a longer one, or NaN."""
     value = one.values[name]
     if name in PER_MINUTE:
         minutes = _minutes(one)
@@ -59,7 +53,6 @@ def _minutes(one: Measured) -> float:
 
 
 def mean_side(measured: Sequence[Measured], name: str) -> ComparedSide:
-    """Return the mean of a metric over each participant's sessions."""
     known = ((one.session.participant, comparable(one, name)) for one in measured)
     values = participant_means((who, value) for who, value in known if math.isfinite(value))
     return ComparedSide(values, [one.session.id for one in measured])
@@ -68,9 +61,7 @@ def mean_side(measured: Sequence[Measured], name: str) -> ComparedSide:
 def drive_side(
     measured: Sequence[Measured], family: Family, name: str
 ) -> tuple[list[DriveOutcome], ComparedSide]:
-    """Return the outcomes of sessions in a metric, and what is printed of them: of times only their
-    number and median.
-    """
+    """Return the outcomes of sessions, and the side to print: of times, only number and median."""
     drives = list(outcomes(measured, family, name))
     values = participant_means(
         (one.who, one.value / one.weight if family == "counts" else one.value) for one in drives
@@ -82,7 +73,6 @@ def drive_side(
 
 
 def outcomes(measured: Sequence[Measured], family: Family, name: str) -> Iterator[DriveOutcome]:
-    """Yield the outcomes of sessions in a metric, as a model of a family takes them."""
     for one in measured:
         who, value, total = one.session.participant, one.values[name], one.values["total_time"]
         if family == "times" and not math.isfinite(value) and total > 0.0:
@@ -96,9 +86,7 @@ def outcomes(measured: Sequence[Measured], family: Family, name: str) -> Iterato
 
 
 def metric_test(name: str, sides: Mapping[str, Sequence[Measured]], *, is_paired: bool) -> Compared:
-    """Return the test of a metric between sides of sessions, by what kind of number it is, and what
-    is printed of each side.
-    """
+    """Return the test of a metric between sides, by its kind of number, and the sides to print."""
     family = KINDS.get(name)
     sides = {key: sessions_of(name, side) for key, side in sides.items()}
     if family is None:

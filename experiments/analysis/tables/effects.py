@@ -70,7 +70,6 @@ MOST_VISITS = 6  # of a participant have a row of their own
 def compare_conditions(
     dataset: Dataset, measured: Sequence[Measured], names: Sequence[str] = OUTCOMES
 ) -> Table:
-    """Return every metric by condition, with a test of the difference."""
     keys = _conditions(dataset, measured)
     sides = {key: [one for one in measured if one.session.condition == key] for key in keys}
     found = _tested(names, sides, is_paired=dataset.study.allocation.design == "within")
@@ -93,9 +92,7 @@ def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
 
 
 def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Table:
-    """Return how the sessions of each condition ended, the share of completed ones, and its
-    interval.
-    """
+    """Return how the sessions of each condition ended, with the share of completed ones."""
     sessions = [one.session for one in measured]
     outcomes = sorted({one.outcome for one in sessions}, key=lambda one: (one != COMPLETED, one))
     rows = []
@@ -115,7 +112,7 @@ def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Tab
 
 
 def against_network(measured: Sequence[Measured]) -> Table:
-    """Return the rank correlation of driving with the network, a participant one point."""
+    """Return rank correlations of driving with the network, a participant one point."""
     pairs, found = list(product(CAUSES, OUTCOMES)), list[Compared]()
     for pair in pairs:
         first, second = (mean_side(measured, name).values for name in pair)
@@ -136,9 +133,7 @@ def against_network(measured: Sequence[Measured]) -> Table:
 
 
 def by_network(measured: Sequence[Measured]) -> Table:
-    """Return outcome and driving in classes of delay, loss, command age and the like, and by the
-    control channel that most commands took.
-    """
+    """Return driving in classes of delay, loss and the like, and by the channel of commands."""
     rows = [row for cause in CAUSES for row in _classes(measured, cause)]
     for channel in WAYS:
         mostly = [one for one in measured if one.values[f"share_{channel}"] > 0.5]
@@ -171,7 +166,6 @@ def _class_row(head: str, label: str, own: Sequence[Measured]) -> ClassRow:
 
 
 def learning(measured: Sequence[Measured]) -> Table:
-    """Return metrics by the number of a participant's visit: the learning curve."""
     visits = visits_of(one.session for one in measured)
     groups: dict[int, list[Measured]] = {}
     for one in measured:
@@ -184,9 +178,7 @@ def learning(measured: Sequence[Measured]) -> Table:
 
 
 def learnt(measured: Sequence[Measured]) -> Table:
-    """Return the test of each metric on the second against the first visits of the same
-    participants, in the conditions that they drove on both.
-    """
+    """Return tests of the second against the first visits, in conditions driven on both."""
     visits = visits_of(one.session for one in measured)
     own: dict[int, dict[tuple[str, str], Measured]] = {}
     for one in measured:

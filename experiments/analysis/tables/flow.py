@@ -48,9 +48,7 @@ Rows = Iterator[tuple[object, ...]]
 
 
 def flow(dataset: Dataset) -> Table:
-    """Return how many participants of a dataset of what counts reached each stage, why the others
-    did not, and how the tasks of each condition ended.
-    """
+    """Return how many reached each stage, why the others did not, and how tasks ended."""
     found, people = _Flow(dataset), dataset.participants
     rows = list(found.rows(people, "all"))
     cells = dict.fromkeys(filter(None, map(_first_cell, people)))
@@ -76,9 +74,7 @@ def _about_platform(dataset: Dataset) -> Iterator[str]:
 
 
 class _Flow:
-    """The drives of the task by participant, whether they count or not, the participants who
-    answered, and the rules of the plan that exclude participants.
-    """
+    """The drives of the task by participant, whether they count or not, and who answered."""
 
     def __init__(self, dataset: Dataset) -> None:
         self.dataset = dataset
@@ -111,7 +107,6 @@ class _Flow:
         return next((n for n, is_true in enumerate(reached) if not is_true), len(reached))
 
     def rows(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
-        """Yield the lines of some participants."""
         stages = {one.id: self.stage(one) for one in people}
         for number_, stage in enumerate(FLOW):
             lost: dict[str, list[str]] = {}
@@ -136,7 +131,6 @@ class _Flow:
             yield cell, "", f"among them: {what}", people_count(self.dataset, ids)
 
     def _reason(self, one: ParticipantRecord, stage: int) -> str:
-        """Return why a participant did not reach a stage."""
         if one.withdrawn:
             return "left: withdrew"
         if stage == COUNTED:
@@ -169,26 +163,22 @@ class _Flow:
 
 
 def orders(dataset: Dataset) -> Table:
-    """Return how many participants had each order of conditions, a check of counterbalancing; no
-    rows where a participant has one condition.
-    """
-    driven: dict[str, set[str]] = {}
+    """Return how many participants had each order of conditions, a check of counterbalancing."""
+    conditions: dict[str, set[str]] = {}
     for one in dataset.sessions:
-        driven.setdefault(one.participant, set()).add(one.condition)
+        conditions.setdefault(one.participant, set()).add(one.condition)
     rows = []
     for cell in sorted({one.cell for one in dataset.participants if "-" in one.cell}):
         own = [one.id for one in dataset.participants if one.cell == cell]
-        some = [who for who in own if who in driven]
-        whole = [who for who in some if driven[who] >= set(cell.split("-"))]
+        some = [who for who in own if who in conditions]
+        whole = [who for who in some if conditions[who] >= set(cell.split("-"))]
         rows.append((cell, *(people_count(dataset, ids) for ids in (own, some, whole))))
     head = ("Condition", "Assigned", "With a drive that counts", "With all conditions")
     return Table.of("orders", "Participants by order of conditions.", head, rows)
 
 
 def fault_sides(dataset: Dataset) -> Table:
-    """Return on which side the fault was for drives that were not completed, by outcome; with those
-    that do not count.
-    """
+    """Return on which side the fault was for drives that were not completed, counted or not."""
     ended: dict[tuple[str, str], list[str]] = {}
     for one in (*dataset.sessions, *dataset.others):
         if one.outcome not in {"", COMPLETED}:
@@ -211,8 +201,8 @@ def fault_sides(dataset: Dataset) -> Table:
 
 
 def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:
-    """Return a line a page and milestone: how many came, how many went on, and the median of the
-    seconds that it took. `measured` are all drives of the task, whether they count or not.
+    """Return how many reached and passed each page and milestone, and the median seconds.
+    `measured` are all drives of the task, whether they count or not.
     """
     study = dataset.study
     steps = [step.key for step in study.steps]
@@ -245,9 +235,7 @@ def _page_row(dataset: Dataset, key: str) -> tuple[object, ...]:
 
 
 def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> Rows:
-    """Yield each milestone with the seconds since the one before it, of the sessions that reached
-    both.
-    """
+    """Yield each milestone with the seconds since the one before it."""
     stops = {stop.number for course in dataset.study.courses for stop in course.checkpoints} - {0}
     names = [f"checkpoint {n}" for n in sorted(stops)]
     times: dict[str, tuple[float, ...]] = {}

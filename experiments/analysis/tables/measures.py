@@ -1,6 +1,5 @@
-"""The measures that declared analyses name, as values: a metric of the sessions, or the score of a
-questionnaire's item, topic or whole ("overall"), with reverse-coded items counted from the other
-end. Only a questionnaire whose items are one scale has a whole.
+"""The measures of declared analyses: a metric, or the score of a questionnaire's item, topic or
+whole (`overall`, if its items are one scale), reverse-coded items counted from the other end.
 """
 
 from collections.abc import Sequence
@@ -24,20 +23,17 @@ NAMES = frozenset(column.name for column in METRICS)
 
 @dataclass(frozen=True)
 class StudyMeasures:
-    """A study's dataset and its measured sessions, in which measures are looked up by name."""
-
     dataset: Dataset
     measured: Sequence[Measured]
 
     def unknown(self, test: str, measure: str) -> str:
-        """Return why a measure has no value anywhere: it is misspelt, or the test is not for it."""
+        """Return why a measure has no value: it is misspelt, or the test is not for it."""
         questionnaire, point, item = measure.partition(".")
         if not (self._scale(questionnaire, item) if point else measure in NAMES):
             return "no such measure"
         return f"not one of {test}" if test in FAMILIES and KINDS.get(measure) != test else ""
 
     def _scale(self, questionnaire: str, item: str) -> ScoredScale | None:
-        """Return the scale that a measure names: the whole, a topic, or an item by itself."""
         definition = self.dataset.questionnaire(questionnaire)
         return None if definition is None else measured_scale(definition, item)
 
@@ -46,9 +42,7 @@ class StudyMeasures:
         return sessions_of(measure, own)
 
     def means(self, measure: str, condition: str) -> ComparedSide:
-        """Return each participant's mean of a measure in a condition, over their sessions or
-        responses.
-        """
+        """Return each participant's mean of a measure in a condition."""
         questionnaire, point, item = measure.partition(".")
         if not point:
             own = self._sessions(condition, measure)
@@ -61,9 +55,7 @@ class StudyMeasures:
         return ComparedSide(mean_scores(responses, scale), behind(scale.items, responses))
 
     def drives(self, test: str, measure: str, condition: str) -> list[DriveOutcome]:
-        """Return the observations of a model in a condition: each session's outcome, or each
-        participant's mean.
-        """
+        """Return a model's observations: each session's outcome, or each participant's mean."""
         if test not in FAMILIES:
             return [DriveOutcome(*one) for one in self.means(measure, condition).values.items()]
         if (kind := KINDS.get(measure)) != test or kind is None:
@@ -73,9 +65,9 @@ class StudyMeasures:
     def side(
         self, test: str, measure: str, keys: Sequence[str]
     ) -> tuple[list[DriveOutcome], ComparedSide]:
-        """Return the drives of a side of a contrast, of tests that have drives, and what is printed
-        of it. Means of a participant are over all conditions that they were to have on the side;
-        participants who lack one of these have none.
+        """Return the drives of a contrast's side, of tests of drives, and the side to print. A
+        participant's mean is over all conditions of the side that they were to have; participants
+        who lack one of these have none.
         """
         if test in FAMILIES:
             own = [one for key in keys for one in self._sessions(key, measure)]
@@ -92,9 +84,7 @@ class StudyMeasures:
         return [], ComparedSide(dict(sorted(values.items())), ids)
 
     def covariate(self, name: str) -> tuple[dict[str, str | float], tuple[str, ...]]:
-        """Return each participant's value of a covariate, and its levels in the order of the
-        questionnaire; a number has none.
-        """
+        """Return a covariate by participant, and its levels, if any, in their order."""
         if name == AGE:
             return {one.id: one.age for one in self.dataset.participants if one.age == one.age}, ()
         questionnaire, _, item = name.partition(".")

@@ -1,6 +1,4 @@
-"""Tables 1, 3, 4 and 5 of the paper (Melendez-Fernandez et al., 2017), from a dataset, and the rows
-of Table 5 compared between conditions.
-"""
+"""Tables 1, 3, 4 and 5 of Melendez-Fernandez et al. (2017), and Table 5 by condition."""
 
 import math
 from collections.abc import Iterable, Iterator, Sequence
@@ -44,13 +42,13 @@ REVERSED = "reversed: answers are counted from the other end of the scale, in al
 
 
 def table_1(dataset: Dataset) -> Table:
-    """Return the facts about the robots of the study's conditions and any other that was driven, a
-    column each; a robot that was driven for practice alone has none.
+    """Return facts about the robots of conditions, and of others that were driven in drives that
+    count.
     """
     wanted = {one.robot for one in dataset.study.conditions}
     own = [one.name for one in dataset.robots if one.series in wanted]
-    driven = [one.robot for one in dataset.sessions]
-    robots = [dataset.robot(name) for name in dict.fromkeys([*own, *driven])]
+    used = [one.robot for one in dataset.sessions]
+    robots = [dataset.robot(name) for name in dict.fromkeys([*own, *used])]
     facts = dict.fromkeys(name for robot in robots for name in robot.facts)
     rows = [(name, *(robot.facts.get(name, "–") for robot in robots)) for name in facts]
     sessions = (
@@ -62,9 +60,7 @@ def table_1(dataset: Dataset) -> Table:
 
 
 def table_3(dataset: Dataset) -> Table:
-    """Return the sessions by operating system and browser: the paper's rows and columns, any other
-    that was found, and the unknown ones.
-    """
+    """Return the sessions by operating system and browser: the paper's, others, unknown ones."""
     found = [(one.os or OTHER, one.browser or OTHER, one.id) for one in dataset.sessions]
     systems = _with_others(SYSTEMS, (system for system, _, _ in found))
     browsers = _with_others(BROWSERS, (browser for _, browser, _ in found))
@@ -97,7 +93,6 @@ def _with_others(known: tuple[str, ...], found: Iterable[str]) -> tuple[str, ...
 
 
 def table_4(dataset: Dataset) -> Table:
-    """Return the statements of the final questionnaire, by topic."""
     definition = dataset.questionnaire(dataset.study.analysis.statements)
     title = "Questions answered by the visitors after the experience."
     head = ("Topic", "", "Statement")
@@ -123,8 +118,8 @@ def table_4(dataset: Dataset) -> Table:
 def lines_of(
     dataset: Dataset, condition: str | None = None
 ) -> tuple[list[LikertRow], list[ResponseRecord]]:
-    """Return the rows of Table 5 and the responses that count in it, reverse-coded answers counted
-    from the other end; no rows without a questionnaire of statements.
+    """Return the rows of Table 5 and the responses that count in it; reverse-coded answers are
+    counted from the other end.
     """
     analysis = dataset.study.analysis
     definition = dataset.questionnaire(analysis.statements)
@@ -139,9 +134,7 @@ def lines_of(
 
 
 def table_5(dataset: Dataset, condition: str | None = None) -> Table:
-    """Return the summary of the final questionnaire, of all sessions or of those of one
-    condition.
-    """
+    """Return the summary of the final questionnaire, of all sessions or of one condition."""
     lines, responses = lines_of(dataset, condition)
     scale = tuple(scale_of(dataset))
     head = (
@@ -166,9 +159,7 @@ def table_5(dataset: Dataset, condition: str | None = None) -> Table:
 
 
 def counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
-    """Yield sentences on n and the numbers beside it: they are of responses, of which one
-    participant may have given several.
-    """
+    """Yield sentences on n: it counts responses, of which a participant may have given several."""
     several = len(responses) > len({one.participant for one in responses})
     yield (
         "n: responses that answer at least one of the row's statements, "
@@ -188,9 +179,7 @@ def counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
 
 
 def scale_of(dataset: Dataset) -> dict[int, str]:
-    """Return the values of the scale of the statements with their labels; none without a
-    questionnaire.
-    """
+    """Return the values of the scale of the statements with their labels."""
     definition = dataset.questionnaire(dataset.study.analysis.statements)
     scales = (one.points for one in definition.questions() if one.points) if definition else ()
     return {point.value: dataset.say(point.label) for point in next(iter(scales), ())}
@@ -208,9 +197,7 @@ def behind(statements: Sequence[str], responses: Sequence[ResponseRecord]) -> tu
 def answering(
     line: LikertRow, responses: Sequence[ResponseRecord], values: Sequence[int]
 ) -> tuple[str, ...]:
-    """Return the sessions in which one of a row's statements was answered with one of some
-    values.
-    """
+    """Return the sessions in which a statement of a row was answered with one of some values."""
     return tuple(
         one.session
         for one in responses
@@ -245,9 +232,7 @@ def _summary_row(line: LikertRow, responses: Sequence[ResponseRecord], scale: Se
 def _scores(
     responses: Sequence[ResponseRecord], statements: Sequence[str]
 ) -> Iterator[tuple[str, float]]:
-    """Yield the participant and the score of each response that answers one of some statements: the
-    mean of these answers.
-    """
+    """Yield the participant and the mean answer of each response to one of some statements."""
     for one in responses:
         given = [value for key in statements if (value := one.values.get(key)) is not None]
         if given:
@@ -260,9 +245,7 @@ def signed(value: float) -> str:
 
 
 def compare_answers(dataset: Dataset) -> Table:
-    """Return every row of Table 5 by condition, with a test of the difference. A participant's
-    score is the mean over their responses that count.
-    """
+    """Return every row of Table 5 by condition, with a test of the difference."""
     found = {one.key: lines_of(dataset, one.key) for one in dataset.study.conditions}
     found = {key: own for key, own in found.items() if own[1]}
     lines = next((lines for lines, _ in found.values()), [])

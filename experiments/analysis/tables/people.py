@@ -1,6 +1,4 @@
-"""Who took part: Table 2 (the questions of the registration, with the answers), the table of
-participants, and how a report says that its participants are pilots or bots.
-"""
+"""Who took part: Table 2, the table of participants, and notes on pilots and bots."""
 
 import math
 from collections import Counter
@@ -46,9 +44,6 @@ def table_2(dataset: Dataset) -> Table:
 
 
 def participants_table(dataset: Dataset) -> Table:
-    """Return how many took part, their ages and, of questions with options or a scale, how many
-    gave each answer.
-    """
     people, responses = dataset.included, list[ResponseRecord]()
     registered = {one.id for one in people}
     if dataset.registration:
@@ -75,7 +70,6 @@ def participants_table(dataset: Dataset) -> Table:
 
 
 def _group_rows(dataset: Dataset, head: str, groups: Sequence[People], total: int) -> Rows:
-    """Yield a row for each group of participants, with its percentage of a total."""
     for label, ids in groups:
         share = number(100.0 * len(ids) / total if total else None, 1)
         yield head, label, people_count(dataset, ids), share
@@ -137,9 +131,7 @@ def _has(question: Question, answer: object, value: str | int) -> bool:
 
 
 def counted_by_kind(people: Sequence[ParticipantRecord], *always: Kind) -> str:
-    """Return how many there are of each kind, `0 participants, 24 bots`: of those that took part,
-    and of those that are always named.
-    """
+    """Return `0 participants, 24 bots`: kinds that took part, and those in `always`."""
     found = Counter[str](one.kind for one in people)
     named = [kind for kind in KINDS if found[kind] or kind in always]
     return ", ".join(amount(found[kind], kind) for kind in named)

@@ -1,6 +1,4 @@
-"""Which response of a participant counts: a rule that is frozen with the study and printed under
-the table.
-"""
+"""Which response of a participant counts, by the rule of the study, printed under the table."""
 
 from collections.abc import Sequence
 
@@ -17,11 +15,8 @@ RULES = {
 def counted(
     dataset: Dataset, questionnaire: str, condition: str | None = None
 ) -> list[ResponseRecord]:
-    """Return the finished responses to a questionnaire that count, of a dataset of what counts, in
-    the order of the sessions that they were asked about.
-
-    With a condition, those about its sessions: of a participant who had several conditions one
-    response counts in each.
+    """Return the finished responses that count to a questionnaire, in the order of their sessions.
+    With a condition, those about its sessions: a participant has one that counts in each condition.
     """
     order = {
         one.id: index
@@ -45,9 +40,7 @@ def counted(
 
 
 def note(dataset: Dataset, responses: Sequence[ResponseRecord]) -> str:
-    """Return the sentence under a table: the rule, and how many participants and sessions are left
-    by it.
-    """
+    """Return the rule, and the numbers of participants and sessions that it leaves."""
     people = len({one.participant for one in responses})
     sessions = len({one.session for one in responses if one.session})
     return (

@@ -1,6 +1,4 @@
-"""How reliable each scale is in each condition: Cronbach's alpha and McDonald's omega, with their
-intervals, or the reason why there is none.
-"""
+"""How reliable each scale is in each condition, or why there is no coefficient."""
 
 from collections.abc import Sequence
 

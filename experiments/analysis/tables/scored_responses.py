@@ -1,6 +1,4 @@
-"""The responses to a scored questionnaire as scores count them, grouped by condition and robot:
-nothing is pooled over either without a note.
-"""
+"""Responses as scores count them, by condition and robot; pooling needs a note."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,8 +14,8 @@ NO_DRIVE = "–"  # in place of condition and robot, of responses that are about
 
 
 def coded(dataset: Dataset, responses: Sequence[ResponseRecord]) -> list[ResponseRecord]:
-    """Return responses whose values are those that scores count: reverse-coded ones from the other
-    end, by the version that was answered (by the newest where the dataset lacks that).
+    """Return responses with reverse-coded answers counted from the other end, by the version that
+    was answered (by the newest where the dataset lacks that).
     """
     versions = {(one.slug, one.version): one for one in dataset.questionnaires}
     found = []
@@ -30,9 +28,7 @@ def coded(dataset: Dataset, responses: Sequence[ResponseRecord]) -> list[Respons
 
 @dataclass(frozen=True)
 class ScoreGroup:
-    """Responses about one condition and robot, with coded values. `title` names the condition in
-    notes, which pages show as they are.
-    """
+    """Responses about one condition and robot, with coded values; notes name it by `title`."""
 
     condition: str
     title: str
@@ -40,7 +36,6 @@ class ScoreGroup:
     responses: tuple[ResponseRecord, ...]
 
     def behind(self, scale: ScoredScale) -> tuple[str, ...]:
-        """Return the sessions whose responses have a score."""
         own = (one for one in self.responses if scale.score(one.values) is not None)
         return tuple(one.session for one in own if one.session)
 
@@ -52,9 +47,7 @@ class ScoreGroup:
 
 
 def mean_scores(responses: Sequence[ResponseRecord], scale: ScoredScale) -> dict[str, float]:
-    """Return the mean score of each participant's responses, with coded values; participants who
-    lack an answer that the score needs have none.
-    """
+    """Return each participant's mean score; none without an answer that the score needs."""
     scores = ((one.participant, scale.score(one.values)) for one in responses)
     return participant_means((who, score) for who, score in scores if score is not None)
 
@@ -67,9 +60,7 @@ def _was_asked(response: ResponseRecord, key: str) -> bool:
 
 @dataclass(frozen=True)
 class ScoredQuestionnaire:
-    """A questionnaire of a study, its scales (the whole, topics, and the parts of the TLX), and the
-    responses in groups, in the order of the study's conditions.
-    """
+    """A questionnaire, its scales (whole, topics, parts of the TLX), and grouped responses."""
 
     definition: Definition
     scales: tuple[ScoredScale, ...]
@@ -77,14 +68,11 @@ class ScoredQuestionnaire:
 
     @property
     def conditions(self) -> list[str]:
-        """The conditions that have responses."""
         found = dict.fromkeys(group.condition for group in self.groups)
         return [key for key in found if key != NO_DRIVE]
 
     def differing(self, scale: ScoredScale) -> list[str]:
-        """Return which items of a scale some groups were not asked and others were, a sentence part
-        each; none where the score has the same items everywhere.
-        """
+        """Return which items of a scale only some groups were asked, a part of a sentence each."""
         asked = [(_named(group), group.asked(scale)) for group in self.groups]
         having = {key: [name for name, keys in asked if key in keys] for key in scale.items}
         return [

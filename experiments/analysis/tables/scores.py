@@ -59,8 +59,8 @@ INTERVALS = {
 
 
 def score_tables(dataset: Dataset) -> Iterator[Table]:
-    """Yield the tables of all scored questionnaires: scores, and tests where two conditions have
-    responses. The statements of Table 5 are tested in the table `answers`.
+    """Yield the scores of each questionnaire, and tests where two conditions have responses. The
+    statements of Table 5 are tested in the table `answers`.
     """
     for one in scored_questionnaires(dataset):
         yield scores_table(dataset, one)
@@ -80,7 +80,6 @@ def label_of_scale(dataset: Dataset, definition: Definition, scale: ScoredScale)
 
 
 def scores_table(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
-    """Return the spread of each score over the participants of each condition and robot."""
     definition, analysis = found.definition, dataset.study.analysis
     rows = (
         (
@@ -116,8 +115,8 @@ def _spread_cells(dataset: Dataset, scale: ScoredScale, group: ScoreGroup) -> It
 
 
 def about_items(dataset: Dataset, found: ScoredQuestionnaire) -> Iterator[str]:
-    """Yield sentences on the items: which are reverse-coded, which were not asked everywhere, and
-    which versions were answered.
+    """Yield which items are reverse-coded or not asked everywhere, and which versions were
+    answered.
     """
     definition = found.definition
     if definition.reversed and definition.scoring != "sus":
@@ -133,9 +132,7 @@ def about_items(dataset: Dataset, found: ScoredQuestionnaire) -> Iterator[str]:
 
 
 def score_tests(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
-    """Return each score by condition with a test of the difference; none where the conditions were
-    not asked the same items.
-    """
+    """Return each score by condition with a test; none if conditions were asked different items."""
     definition = found.definition
     rows = [
         (label_of_scale(dataset, definition, scale), _tested(dataset, found, scale))

@@ -1,7 +1,4 @@
-"""Session metrics as tables: spreads over all sessions, a row a session, a row a segment, and the
-spreads of each segment; and whether each session's record is good, by rules that are frozen with
-the study.
-"""
+"""Session metrics as tables, and whether records are good, by rules frozen with the study."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -38,9 +35,7 @@ Problems = dict[str, str]  # the rules that a record fails, each with a sentence
 
 
 def problems_of(one: Measured, rules: Quality) -> Problems:
-    """Return the rules that the record of a session fails; a session that never moved may lack
-    states.
-    """
+    """Return the rules that a record fails; a session that never moved may lack states."""
     return dict(_problems(one, rules))
 
 
@@ -66,7 +61,6 @@ def _problems(measured: Measured, rules: Quality) -> Iterator[tuple[str, str]]:
 
 
 def metrics_table(measured: Sequence[Measured]) -> Table:
-    """Return the spread of every metric over the sessions in which it is known."""
     own = {one.session.id: one.values for one in measured}
     notes = (
         f"{_amounts(measured)}; definitions of version {VERSION}.",
@@ -78,7 +72,6 @@ def metrics_table(measured: Sequence[Measured]) -> Table:
 
 
 def _about_paths(measured: Sequence[Measured]) -> Iterator[str]:
-    """Yield sentences on what paths and efficiencies were computed from."""
     paths = [one.values["path_by_odometry"] for one in measured]
     wheels, position = paths.count(1.0), paths.count(0.0)
     if wheels or position:
@@ -110,9 +103,7 @@ def _spread_row(column: Column, found: Mapping[str, Values]) -> tuple[object, ..
 
 
 def sessions_table(measured: Sequence[Measured], problems: Mapping[str, Problems]) -> Table:
-    """Return a row a drive of the task, whether it counts or not: who, where, how it ended, whether
-    its record is good, why it does not count, and every metric.
-    """
+    """Return a row a drive of the task, whether it counts or not."""
     head = (
         *("session", "participant", "visit", "number", "robot", "condition", "outcome", "quality"),
         *("counts", "counts_why", "excluded"),
@@ -132,7 +123,6 @@ def sessions_table(measured: Sequence[Measured], problems: Mapping[str, Problems
 
 
 def segments_table(measured: Sequence[Measured]) -> Table:
-    """Return a row a segment of each session."""
     names = [column.name for column in SEGMENT_METRICS]
     head = ("session", "robot", "condition", "segment", "from", "to", "start", *names)
     rows = (
@@ -149,9 +139,7 @@ def segments_table(measured: Sequence[Measured]) -> Table:
 
 
 def segment_spreads(measured: Sequence[Measured]) -> Table:
-    """Return the spreads of some metrics over the sessions that finished each segment, robot by
-    robot.
-    """
+    """Return the spreads of some metrics by robot and segment."""
     groups: dict[tuple[str, int, int, int], dict[str, Values]] = {}
     for one in measured:
         for segment in one.segments:
@@ -170,9 +158,7 @@ def segment_spreads(measured: Sequence[Measured]) -> Table:
 def verdicts_table(
     measured: Sequence[Measured], problems: Mapping[str, Problems], others: Sequence[Measured]
 ) -> Table:
-    """Return how many records of the drives that count are good, how many fail each rule, and why
-    the `others` do not count.
-    """
+    """Return how many records are good or fail each rule, and why the `others` do not count."""
     order = ("good", "failed", "does not count")
     found: dict[tuple[int, str], list[str]] = {(0, ""): []}
     for one in measured:

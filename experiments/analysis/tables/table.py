@@ -12,9 +12,7 @@ NOTHING = "–"
 
 @dataclass(frozen=True)
 class TableCell:
-    """What is printed, the number that it shows (None for words), and the ids of the sessions that
-    the number was computed from.
-    """
+    """Text, the number that it shows (None for words), and the sessions behind the number."""
 
     text: str
     value: float | None = None
@@ -26,10 +24,6 @@ Row = tuple[TableCell, ...]
 
 @dataclass(frozen=True)
 class Table:
-    """A table with a name for its files, a title, column heads, rows of as many cells, and notes
-    that are printed below.
-    """
-
     name: str
     title: str
     head: tuple[str, ...]
@@ -59,9 +53,7 @@ class Table:
 
 
 class SessionSets:
-    """Sets of sessions, each stored once, because many cells share one: `sets.number(ids)` is the
-    index of one in `list(sets)`, None for no sessions.
-    """
+    """Sets of sessions, each stored once; `number` is its index in `list(sets)`, None if empty."""
 
     def __init__(self) -> None:
         self._numbers: dict[tuple[str, ...], int] = {}
@@ -92,28 +84,26 @@ def count(value: int, sessions: Iterable[str] = ()) -> TableCell:
 
 
 def session_count(sessions: Collection[str]) -> TableCell:
-    """Return a cell with the number of the sessions that are behind it."""
     return count(len(sessions), sessions)
 
 
 def people_count(dataset: Dataset, participants: Collection[str]) -> TableCell:
-    """Return a cell with the number of some participants; behind it are all of their sessions."""
+    """Return the number of some participants, with all of their sessions behind it."""
     return count(len(participants), dataset.sessions_of(participants))
 
 
 def people_in(sessions: Sequence[SessionRecord]) -> TableCell:
-    """Return a cell with the number of the participants of some sessions, which are behind it."""
+    """Return the number of the participants of some sessions, which are behind it."""
     ids = [one.id for one in sessions]
     return count(len({one.participant for one in sessions}), ids)
 
 
 def percent_of(some: Collection[str], every: Collection[str]) -> TableCell:
-    """Return a cell with the percentage of some sessions among all; a dash without any."""
+    """Return the percentage of some sessions among all; a dash without any."""
     return number(100.0 * len(some) / len(every) if every else None, 1, some)
 
 
 def probability(value: float) -> TableCell:
-    """Return a cell of a p value."""
     return TableCell("<0.001", value) if value < 0.001 else number(value, 3)
 
 

@@ -113,7 +113,7 @@ def test_every_set_of_sessions_behind_a_number_is_known_and_every_part_of_a_figu
         svg = (folder / "report" / "counting" / "figures" / f"{name}.svg").read_text()
         assert all(f'id="{gid}"' in svg for gid in parts), name
     assert len(found["figures"]["figure-7"]) == sum(
-        bool(len(one.way)) for one in measure_all(dataset)
+        bool(len(one.positions)) for one in measure_all(dataset)
     )
 
 

@@ -32,7 +32,7 @@ def frame(session):
 
 
 @pytest.mark.parametrize(
-    "one", [one for one in MEASURED if len(one.way)], ids=lambda one: one.session.id
+    "one", [one for one in MEASURED if len(one.positions)], ids=lambda one: one.session.id
 )
 def test_metrics_agree_with_an_independent_computation(one):
     states = frame(one.session.id)
@@ -101,14 +101,14 @@ def test_a_session_without_anything_is_full_of_unknowns_and_no_error():
         (),
     )
     assert found.segments == ()
-    assert len(found.way) == 0
+    assert len(found.positions) == 0
     assert math.isnan(found.values["path"])
     assert math.isnan(found.values["efficiency"])
     assert found.values["passed"] == 0.0
 
 
 def test_a_robot_without_course_or_plan_is_measured_all_the_same():
-    one = next(one for one in MEASURED if len(one.way))
+    one = next(one for one in MEASURED if len(one.positions))
     session = replace(one.session, robot="unknown", site="moon")
     states = DATASET.states(one.session.id)
     found = measure(replace(DATASET, states=lambda _: states), session, ())

@@ -144,6 +144,13 @@ def test_rare_failures_have_an_exact_test():
     assert (found.name, found.p) == ("Boschloo", pytest.approx(min(1.0, expected.pvalue)))
 
 
+def test_steps_of_the_search_for_boschloos_p_are_not_logged(caplog):
+    with caplog.at_level("INFO"):
+        found = two_proportions(np.array([1.0, 0.0, 0.0, 0.0, 0.0]), np.zeros(4))
+    assert found.name == "Boschloo"
+    assert not caplog.records
+
+
 def test_pairs_of_proportions_have_mcnemars_mid_p():
     first = np.array([1.0] * 8 + [0.0] * 2 + [1.0] * 20 + [0.0] * 5)
     second = np.array([0.0] * 8 + [1.0] * 2 + [1.0] * 20 + [0.0] * 5)
