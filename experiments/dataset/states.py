@@ -183,9 +183,8 @@ OF_COMMANDS = (
 
 
 class StateBatch:
-    """Some states and all their commands: values by command are combined into one by state, (n,).
-
-    A command without a value makes the sum and the mean of its state NaN.
+    """Some states and all their commands: values by command are combined into one by state, (n,). A
+    command without a value makes the sum and the mean of its state NaN.
     """
 
     def __init__(self, states: Sequence[StoredState]) -> None:
