@@ -53,9 +53,7 @@ SessionCodings = tuple[float, Sequence[Sequence[CodedEvent] | None]]
 
 @dataclass(frozen=True)
 class Matches:
-    """Numbers of events: of both coders within the tolerance, only of the first, only of the
-    second.
-    """
+    """Numbers of events: of both coders within the tolerance, and of each coder alone."""
 
     both: int = 0
     first: int = 0
@@ -93,8 +91,8 @@ class CodeReliability:
 
 @dataclass(frozen=True)
 class EventReliability:
-    """Two coders' aligned events: rows are what the first coded, columns the second; the last of
-    both is none. `table` is (codes + 1, codes + 1).
+    """Two coders' aligned events: `table` is (codes + 1, codes + 1), the first coder's by the
+    second's.
     """
 
     coders: Pair
