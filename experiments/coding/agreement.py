@@ -21,13 +21,13 @@ are those of the jackknife that leaves out one session at a time, with Student's
 (Efron and Tibshirani, 1993, An Introduction to the Bootstrap, chapter 11). They describe other
 sessions of the same coders. Of a single session, parts of BLOCK_S seconds are left out.
 
-Each figure is a closed formula of sums over units, from which those of the omitted session are
-subtracted; statsmodels and krippendorff, with which the tests compare, need all units each time.
+Alpha and the kappa of events are formulas of the summed tables: the package krippendorff needs an
+array of units × values × values, which is too large for the sets of codes of a whole study.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,16 +49,11 @@ Pair = tuple[int, int]
 # Duration in seconds, and the events of each coder in the same order of coders; None for one who
 # did not code the session.
 SessionCodings = tuple[float, Sequence[Sequence[CodedEvent] | None]]
-# Of each cluster: the units on which two coders agree (n,), and how many each gave each category,
-# (n, k) and (n, k).
-Sums = tuple[Floats, Floats, Floats]
 
 
 @dataclass(frozen=True)
 class Matches:
-    """Numbers of events: of both coders within the tolerance, only of the first, only of the
-    second.
-    """
+    """Numbers of events: of both coders within the tolerance, and of each coder alone."""
 
     both: int = 0
     first: int = 0
@@ -96,8 +91,8 @@ class CodeReliability:
 
 @dataclass(frozen=True)
 class EventReliability:
-    """Two coders' aligned events: rows are what the first coded, columns the second; the last of
-    both is none. `table` is (codes + 1, codes + 1).
+    """Two coders' aligned events: `table` is (codes + 1, codes + 1), the first coder's by the
+    second's.
     """
 
     coders: Pair
@@ -115,11 +110,9 @@ class Reliability:
 def reliability(
     sessions: Sequence[SessionCodings], codes: Sequence[str], *, width: float, tolerance: float
 ) -> Reliability:
-    """Return the agreement on each of the codes, and on all together when there are several;
-    `width` is that of a bin, `tolerance` that between the beginnings of events, both in s.
-
-    Raises:
-        ValueError: the width is not positive, or makes too many bins.
+    """Return the agreement on each of the codes, and on all together when there are several.
+    `width` is that of a bin, `tolerance` that between the beginnings of events, both in s; a width
+    that `coded_bins` refuses is a ValueError.
     """
     coders = range(len(sessions[0][1]) if sessions else 0)
     pairs = [pair for pair in combinations(coders, 2) if any(_of_both(sessions, pair))]
@@ -141,65 +134,59 @@ def _of_both(
             yield number, one, two
 
 
-# --- figures --------------------------------------------------------------------------------------
+# --- figures of a table (values, values), nan where they are not defined ----------------------
 
 
-def agreements(agreed: Floats, rows: Floats, _columns: Floats) -> Floats:
-    """Return the share of units on which two judges agree: (n,), nan without units."""
-    return ratio(agreed, rows.sum(axis=1))
+def agreement(table: Floats) -> float:
+    total = table.sum()
+    return float(np.trace(table) / total) if total else np.nan
 
 
-def kappas(agreed: Floats, rows: Floats, columns: Floats) -> Floats:
-    """Return Cohen's kappa: (n,), nan without units, or when chance agreement is complete."""
-    expected = ratio((rows * columns).sum(axis=1), rows.sum(axis=1) ** 2)
-    return ratio(agreements(agreed, rows, columns) - expected, 1.0 - expected)
+def kappa(table: Floats) -> float:
+    """Return Cohen's kappa."""
+    # A package for analysis, which a robot's computer lacks.
+    from statsmodels.stats.inter_rater import cohens_kappa  # noqa: PLC0415
+
+    if not table.any():
+        return np.nan
+    with np.errstate(divide="ignore", invalid="ignore"):  # chance agreement may be complete
+        return float(cohens_kappa(table, return_results=False))
 
 
-def alphas(agreed: Floats, rows: Floats, _columns: Floats) -> Floats:
-    """Return Krippendorff's alpha of the sums of matrices of coincidences: (n,), nan without pairs,
-    or when all values are the same.
+def alpha(coincidences: Floats) -> float:
+    total = coincidences.sum()
+    expected = (total**2 - (coincidences.sum(axis=1) ** 2).sum()) / (total - 1.0)
+    return float(1.0 - (total - np.trace(coincidences)) / expected) if expected > TINY else np.nan
+
+
+def event_kappa(table: Floats) -> float:
+    """Return kappa of a table whose last cell is a structural zero: the expected shares are those
+    of quasi-independence, by iterative proportional fitting.
     """
-    total = rows.sum(axis=1)
-    expected = ratio(total**2 - (rows**2).sum(axis=1), total - 1.0)
-    return 1.0 - ratio(total - agreed, expected)
-
-
-def event_kappas(tables: Floats) -> Floats:
-    """Return kappa of tables (n, k, k) whose last cell is a structural zero: the expected shares
-    are those of quasi-independence, by iterative proportional fitting.
-    """
-    fitted = np.ones_like(tables)
-    fitted[:, -1, -1] = 0.0
-    rows, columns = tables.sum(axis=2), tables.sum(axis=1)
+    if not table.any():
+        return np.nan
+    fitted = np.ones_like(table)
+    fitted[-1, -1] = 0.0
     for _ in range(FITTING_ROUNDS):
-        fitted *= np.nan_to_num(ratio(rows, fitted.sum(axis=2)))[:, :, None]
-        fitted *= np.nan_to_num(ratio(columns, fitted.sum(axis=1)))[:, None, :]
-    observed, expected = (
-        ratio(np.trace(one, axis1=1, axis2=2), one.sum(axis=(1, 2))) for one in (tables, fitted)
-    )
-    return ratio(observed - expected, 1.0 - expected)
-
-
-def ratio(above: Floats, below: Floats) -> Floats:
-    """Return quotients, nan where the divisor is 0."""
-    is_fit = np.abs(below) > TINY
-    quotient: Floats = np.where(is_fit, above / np.where(is_fit, below, 1.0), np.nan)
-    return quotient
+        for axis in (1, 0):
+            sums = fitted.sum(axis=axis, keepdims=True)
+            fitted *= table.sum(axis=axis, keepdims=True) / np.where(sums > TINY, sums, 1.0)
+    observed, expected = (np.trace(one) / one.sum() for one in (table, fitted))
+    return float((observed - expected) / (1.0 - expected)) if 1.0 - expected > TINY else np.nan
 
 
 def estimate(
-    figure: Callable[..., Floats], *clusters: Floats, least: float = -1.0
+    figure: Callable[[Floats], float], tables: Floats, *, least: float = -1.0
 ) -> ReliabilityEstimate:
-    """Return a figure of the sums over all clusters (the first axis), and its interval by the
-    jackknife. The figure has values from `least` to 1.
+    """Return a figure of the sum of the clusters' tables (clusters, values, values), and its
+    interval by the jackknife. The figure has values from `least` to 1.
     """
-    whole = [part.sum(axis=0, keepdims=True) for part in clusters]
-    value = float(figure(*whole)[0])
+    whole = tables.sum(axis=0)
+    value = figure(whole)
     if np.isnan(value):
         return ReliabilityEstimate(None)
-    has_units = clusters[-1].reshape(len(clusters[-1]), -1).any(axis=1)
-    left = [total - part[has_units] for total, part in zip(whole, clusters, strict=True)]
-    count, others = len(left[0]), figure(*left)
+    others = np.array([figure(whole - one) for one in tables if one.any()])
+    count = len(others)
     if count < LEAST_CLUSTERS or np.isnan(others).any():
         return ReliabilityEstimate(value)
     error = np.sqrt((count - 1) / count * ((others - others.mean()) ** 2).sum())
@@ -230,18 +217,18 @@ def _of_code(
     shape = (int(cluster.max(initial=-1)) + 1, int(values.max(initial=-1)) + 1)
     found = []
     for pair in pairs:
-        sums = pair_sums(values[list(pair)], cluster, shape)
-        share = estimate(agreements, *sums, least=0.0)
+        tables = pair_tables(values[list(pair)], cluster, shape)
+        share = estimate(agreement, tables, least=0.0)
         parts = [
             [len(some) for some in matched(one, two, code, tolerance)]
             for _number, one, two in _of_both(sessions, pair)
             for code in codes
         ]
         matches = Matches(*map(sum, zip(*parts, strict=True)))
-        found.append(PairReliability(pair, share, estimate(kappas, *sums), matches))
+        found.append(PairReliability(pair, share, estimate(kappa, tables), matches))
     bins = int(((values >= 0).sum(axis=0) >= 2).sum())
-    alpha = estimate(alphas, *coincidence_sums(values, cluster, shape))
-    return CodeReliability(name, bins, alpha, tuple(found))
+    of_all = estimate(alpha, coincidences(values, cluster, shape))
+    return CodeReliability(name, bins, of_all, tuple(found))
 
 
 def _values(
@@ -274,10 +261,8 @@ def _values(
 
 def coded_bins(events: Iterable[CodedEvent], code: str, duration: float, width: float) -> Units:
     """Return 1 for each bin in which a coder's events have the code, else 0; (bins,). The duration
-    of the session and the width of a bin are in s.
-
-    Raises:
-        ValueError: the width is not positive, or makes too many bins.
+    of the session and the width of a bin are in s; a width that is not positive, or makes too many
+    bins, is a ValueError.
     """
     if not width > 0:
         raise ValueError("a bin needs a width")
@@ -296,38 +281,32 @@ def coded_bins(events: Iterable[CodedEvent], code: str, duration: float, width: 
     return found
 
 
-def pair_sums(
-    values: Units, cluster: Units, shape: tuple[int, int], weight: Floats | None = None
-) -> Sums:
-    """Return the sums of the table of two coders in each cluster.
-
-    Args:
-        values: (2, units) the categories from 0; -1 is a missing value.
-        cluster: (units,) the number of each unit's cluster, from 0.
-        shape: the numbers of clusters and categories.
-        weight: (units,) of each unit, 1 by default.
+def pair_tables(
+    values: Units, cluster: Units, shape: tuple[int, int], weight: Floats | float = 1.0
+) -> Floats:
+    """Return the table of two coders in each cluster: (clusters, values, values). `values` (2,
+    units) are the categories from 0, -1 is a missing value; `cluster` (units,) is the number of
+    each unit's cluster from 0, `shape` the numbers of clusters and categories.
     """
     known = (values >= 0).all(axis=0)
-    one, two, at = values[0][known], values[1][known], cluster[known]
-    counts = 1.0 if weight is None else weight[known]
-    agreed, rows, columns = np.zeros(shape[0]), np.zeros(shape), np.zeros(shape)
-    np.add.at(agreed, at, counts * (one == two))
-    np.add.at(rows, (at, one), counts)
-    np.add.at(columns, (at, two), counts)
-    return agreed, rows, columns
+    tables = np.zeros((*shape, shape[1]))
+    counts = np.broadcast_to(weight, known.shape)[known]
+    np.add.at(tables, (cluster[known], *values[:, known]), counts)
+    return tables
 
 
-def coincidence_sums(values: Units, cluster: Units, shape: tuple[int, int]) -> Sums:
-    """Return the sums of the matrix of coincidences of all coders in each cluster, as `pair_sums`:
-    two values of a unit that has m of them count 1 / (m - 1), in either order.
+def coincidences(values: Units, cluster: Units, shape: tuple[int, int]) -> Floats:
+    """Return the matrix of coincidences of all coders in each cluster, as `pair_tables`: two values
+    of a unit that has m of them count 1 / (m - 1), in either order.
     """
-    agreed, both = np.zeros(shape[0]), np.zeros(shape)
     weight = 1.0 / np.maximum((values >= 0).sum(axis=0) - 1, 1)
-    for pair in combinations(range(len(values)), 2):
-        of_pair, rows, columns = pair_sums(values[list(pair)], cluster, shape, weight)
-        agreed += 2.0 * of_pair
-        both += rows + columns
-    return agreed, both, both
+    return sum(
+        (
+            pair_tables(values[list(pair)], cluster, shape, weight)
+            for pair in permutations(range(len(values)), 2)
+        ),
+        start=np.zeros((*shape, shape[1])),
+    )
 
 
 # --- events ---------------------------------------------------------------------------------------
@@ -346,5 +325,5 @@ def _of_events(
     tables = np.zeros((clusters, len(place), len(place)))
     for cell in found:
         tables[cell] += 1.0
-    kappa = estimate(event_kappas, tables)
-    return EventReliability(pair, tuple(codes), tables.sum(axis=0), kappa)
+    of_pair = estimate(event_kappa, tables)
+    return EventReliability(pair, tuple(codes), tables.sum(axis=0), of_pair)

@@ -52,9 +52,7 @@ def aligned(
 def _confused(
     left: Sequence[CodedEvent], right: Sequence[CodedEvent], tolerance: float
 ) -> Iterator[tuple[float, str, str]]:
-    """Yield events of different codes that lie near each other, then those of one coder alone;
-    `right` is in order of time.
-    """
+    """Yield near events of different codes, then those of one coder alone; `right` is sorted."""
     near = []
     for i, one in enumerate(left):
         first = bisect_left(right, one.begin - tolerance - 1e-9, key=_begin)

@@ -9,6 +9,7 @@ by |, "None" for one that was not chosen (boris/select_modifiers.py). The other 
 """
 
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import msgspec
@@ -19,32 +20,8 @@ from experiments.definition.coding import Code
 
 UNCHOSEN = "None"
 KINDS = {"point": "Point event", "interval": "State event"}
-PROJECT = {
-    "time_format": "hh:mm:ss",
-    "project_description": "",
-    "project_format_version": "7.0",
-    "subjects_conf": {},
-    "behavioral_categories": [],
-    "behavioral_categories_config": {},
-    "independent_variables": {},
-    "coding_map": {},
-    "behaviors_coding_map": [],
-    "converters": {},
-}
-OBSERVATION = {
-    "file": {},
-    "type": "LIVE",
-    "description": "",
-    "time offset": 0.0,
-    "observation time interval": [0, 0],
-    "independent_variables": {},
-    "visualize_spectrogram": False,
-    "visualize_waveform": False,
-    "close_behaviors_between_videos": False,
-    "scan_sampling_time": 0,
-    "start_from_current_time": False,
-    "start_from_current_epoch_time": False,
-}
+# The parts of a project and an observation that are the same in all of them.
+TEMPLATES = msgspec.json.decode(Path(__file__).with_name("boris_templates.json").read_bytes())
 
 
 def to_boris(
@@ -54,12 +31,12 @@ def to_boris(
     observation's name, and `date` is YYYY-MM-DDTHH:MM:SS.
     """
     known = {code.code: code for code in codes}
-    project = PROJECT | {
+    project = TEMPLATES["project"] | {
         "project_date": date,
         "project_name": name,
         "behaviors_conf": {str(n): _behavior(code, codes) for n, code in enumerate(codes)},
         "observations": {
-            key: OBSERVATION | {"date": date, "events": _rows(events, known)}
+            key: TEMPLATES["observation"] | {"date": date, "events": _rows(events, known)}
             for key, events in observations.items()
         },
     }
@@ -105,10 +82,8 @@ def from_boris(
     document: bytes, codes: Sequence[Code], wanted: str = ""
 ) -> tuple[list[CodedEvent], list[str]]:
     """Return the events of the observation named `wanted`, and a sentence for each part that is not
-    imported. The name is not needed where a project has one observation.
-
-    Raises:
-        BadCodingError: the project cannot be read, or has no such observation.
+    imported. The name is not needed where a project has one observation. A project that cannot be
+    read, or without the observation, is a BadCodingError.
     """
     project = json_in(document)
     observations = project.get("observations") if isinstance(project, dict) else None

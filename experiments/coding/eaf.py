@@ -105,10 +105,7 @@ def _annotation(tier: ET.Element, kind: str, attributes: dict[str, str], text: s
 
 def from_eaf(document: bytes, codes: Sequence[Code]) -> tuple[list[CodedEvent], list[str]]:
     """Return the events of a file, and a sentence for each tier that is not imported. The name of a
-    tier is a code of the scheme, or a code's name.
-
-    Raises:
-        BadCodingError: the file cannot be read.
+    tier is a code of the scheme, or a code's name. An unreadable file is a BadCodingError.
     """
     try:
         root = safe_xml.read(document)

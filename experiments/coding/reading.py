@@ -16,11 +16,7 @@ from robots.files.limited_process import ImportRefusedError, run_limited
 def import_coding(
     document: bytes, codes: Sequence[Code], *, limit: int, duration: float, observation: str = ""
 ) -> tuple[list[CodedEvent], list[str]]:
-    """Return the result of `read_coding`, called in a child process with limits.
-
-    Raises:
-        BadCodingError: the file cannot be read, or an event does not fit.
-    """
+    """Return the result of `read_coding`, called in a child process with limits."""
     known = msgspec.to_builtins(codes)
     try:
         found = run_limited(read_plain, document, known, limit, duration, observation)
@@ -46,15 +42,9 @@ def read_coding(
     duration: float | None = None,
     observation: str = "",
 ) -> tuple[list[CodedEvent], list[str]]:
-    """Return the events of a file in order of time, and a sentence for each part that is not
-    imported.
-
-    Args:
-        document: the file.
-        codes: those of the scheme.
-        limit: its greatest size, bytes.
-        duration: of the session, s; None does not check the events.
-        observation: its name in a BORIS project that has several.
+    """Return the events of a file of at most `limit` bytes in order of time, and a sentence for
+    each part that is not imported. `duration` is that of the session in s; None does not check the
+    events. `observation` is needed for a BORIS project that has several.
 
     Raises:
         BadCodingError: the file cannot be read, or an event does not fit.

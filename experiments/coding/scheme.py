@@ -16,7 +16,7 @@ MAX_SCHEME_BYTES = 200_000
 
 
 class BadCodingError(ValueError):
-    """A scheme or a coding that cannot be used. `problems` has a sentence each."""
+    """A scheme or a coding that cannot be used. `problems` has a sentence for each one found."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__(" ".join(problems))
@@ -36,11 +36,7 @@ class CodedEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def scheme_from(document: Any) -> CodingScheme:
-    """Return a scheme; a list alone is its codes.
-
-    Raises:
-        BadCodingError: with every problem found.
-    """
+    """Return a scheme, or raise BadCodingError; a list alone is its codes."""
     whole = {"codes": document} if isinstance(document, list) else document
     try:
         scheme = msgspec.convert(whole, CodingScheme)
@@ -52,22 +48,14 @@ def scheme_from(document: Any) -> CodingScheme:
 
 
 def scheme_in(file: bytes) -> CodingScheme:
-    """Return the scheme in a JSON file.
-
-    Raises:
-        BadCodingError: with every problem found.
-    """
+    """Return the scheme in a JSON file, or raise BadCodingError."""
     if len(file) > MAX_SCHEME_BYTES:
         raise BadCodingError([_("The file is too large for a coding scheme.")])
     return scheme_from(json_in(file))
 
 
 def json_in(file: bytes) -> Any:
-    """Return the content of a JSON file.
-
-    Raises:
-        BadCodingError: it is not JSON.
-    """
+    """Return the content of a JSON file, or raise BadCodingError."""
     try:
         return msgspec.json.decode(file.removeprefix(b"\xef\xbb\xbf"))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
@@ -77,10 +65,8 @@ def json_in(file: bytes) -> Any:
 
 def events_from(document: Any, codes: Sequence[Code], duration: float) -> list[CodedEvent]:
     """Return the events of a coding in order of time, rounded to milliseconds, from a list of
-    objects with the fields of CodedEvent. They lie within the duration of the session, in s.
-
-    Raises:
-        BadCodingError: with every problem found.
+    objects with the fields of CodedEvent, or raise BadCodingError. They lie within the duration of
+    the session, in s.
     """
     try:
         events = msgspec.convert(document, list[CodedEvent])

@@ -38,9 +38,7 @@ Seconds = Annotated[float, Meta(ge=0.0, le=MAX_SECONDS)]
 
 
 class EventEdit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A change from a page: the whole event after it. `base` is the changed version, 0 for a new
-    event.
-    """
+    """The event after a change. `base` is the version that was changed, 0 for a new event."""
 
     id: uuid.UUID
     event: uuid.UUID
@@ -69,9 +67,7 @@ class Saved:
 
 
 def scheme_of(study: Study, now: datetime.datetime) -> CodingSchemeVersion | None:
-    """Return the newest scheme of a study, if it has any; that of its definition is stored at its
-    first use.
-    """
+    """Return the newest scheme of a study; that of its definition is stored at its first use."""
     newest = _newest(study)
     if newest is None and (declared := study.as_definition().coding) is not None:
         return store_scheme(study, declared, now)
@@ -143,11 +139,7 @@ def events_of(coding: Coding) -> list[CodedEvent]:
 
 
 def save(coding: Coding, edits: Sequence[EventEdit], now: datetime.datetime) -> Saved:
-    """Store changes, in their order.
-
-    Raises:
-        BadCodingError: the coding is done, or has too many changes.
-    """
+    """Store changes in order, unless the coding is done or has too many."""
     refuse_if_done(coding)
     if coding.edits.count() + len(edits) > MAX_EDITS:
         text = _("Not saved: a coding can have at most %(n)d changes.") % {"n": MAX_EDITS}
@@ -170,7 +162,6 @@ def save(coding: Coding, edits: Sequence[EventEdit], now: datetime.datetime) -> 
 
 
 def refuse_if_done(coding: Coding) -> None:
-    """Raise BadCodingError for a coding that is done."""
     if coding.done_at is not None:
         raise BadCodingError([_("This coding is marked as done. Reopen it to change it.")])
 
@@ -208,11 +199,7 @@ def _row(coding: Coding, noted: Any, now: datetime.datetime, **fields: Any) -> C
 
 
 def replace_events(coding: Coding, events: Iterable[CodedEvent], now: datetime.datetime) -> int:
-    """Replace the events of a coding by imported, checked ones, and return how many these are.
-
-    Raises:
-        BadCodingError: the coding is done.
-    """
+    """Replace the events of a coding by imported, checked ones; return their number."""
     refuse_if_done(coding)
     deletions = [
         _row(coding, edit, now, event=edit.event, version=edit.version + 1, is_deleted=True)
@@ -225,31 +212,19 @@ def replace_events(coding: Coding, events: Iterable[CodedEvent], now: datetime.d
 
 
 def finish(coding: Coding, duration: float, now: datetime.datetime) -> None:
-    """Mark a coding as done.
-
-    Raises:
-        BadCodingError: as `checked`.
-    """
+    """Mark a coding as done if its events are as `checked` requires."""
     checked(coding, duration)
     Coding.objects.filter(pk=coding.pk, done_at=None).update(done_at=now)
 
 
 def checked(coding: Coding, duration: float) -> list[CodedEvent]:
-    """Return the events of a coding, in order of time.
-
-    Raises:
-        BadCodingError: an event does not follow the scheme, such as a state without an end.
-    """
+    """Return the events of a coding, sorted; one that is incomplete is a BadCodingError."""
     document = msgspec.to_builtins(events_of(coding))
     return events_from(document, read_scheme(coding.scheme).codes, duration)
 
 
 def reopen(coding: Coding) -> None:
-    """Let a coder change a coding that is done.
-
-    Raises:
-        BadCodingError: other coders' events of the session have been shown.
-    """
+    """Make a coding editable that is done, unless it may have been compared with others."""
     if is_revealed(coding.session_id, coding.scheme):
         text = _(
             "All coders are done and may have compared their codings, so this one can't be"

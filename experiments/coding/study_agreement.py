@@ -25,9 +25,7 @@ class StudyAgreement:
 
 
 def agreement_of(scheme: CodingSchemeVersion, only: Any = None) -> StudyAgreement:
-    """Return the agreement of coders by one scheme; with a user as `only`, on the sessions of this
-    coder.
-    """
+    """Return the agreement by one scheme; with a user as `only`, on this coder's sessions."""
     every = groupby(store.released(scheme), attrgetter("session"))  # ordered by session
     found = ((session, list(codings)) for session, codings in every)
     sessions = [

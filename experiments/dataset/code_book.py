@@ -31,12 +31,9 @@ def description(
     more: Mapping[str, tuple[Column, ...]] | None = None,
     without: Collection[str] = (),
 ) -> dict[str, Any]:
-    """Return the description.
-
-    Args:
-        dataset: its subject.
-        more: columns of tables that are written in addition to those of a dataset.
-        without: tables that are not written, because they would be empty.
+    """Return the description of a dataset. `more` are the columns of tables that are written in
+    addition to those of a dataset, `without` the tables that are not written because they would be
+    empty.
     """
     study = dataset.study
     return {
@@ -57,7 +54,6 @@ def description(
 
 
 def _variable(file: str, column: Column) -> dict[str, Any]:
-    """Return a column of a file as a PropertyValue of schema.org."""
     divided = f"; several words are separated by {column.divider}" if column.divider else ""
     renamed = f"; in earlier releases {column.was}" if column.was else ""
     found: dict[str, Any] = {
@@ -156,7 +152,6 @@ def _scored(definition: Definition, scale: ScoredScale, language: str) -> str:
 
 
 def _asked(definition: Definition, question: Question, language: str) -> Iterator[Column]:
-    """Yield the columns of a question."""
     text, item = spoken(question.text, language), question.item
     if question.key in definition.reversed:
         text += " (reverse-coded: stored as answered, scores count it from the other end)"

@@ -46,7 +46,6 @@ class Column:
 
 
 def flag(name: str, meaning: str, *, late: bool = False) -> Column:
-    """Return a column of 0 and 1."""
     return Column(name, "", meaning, late, levels=NO_YES)
 
 
@@ -124,11 +123,7 @@ def _hints(kind: type) -> Iterator[tuple[str, Any]]:
 
 
 def columns_of(layout: tuple[Column, ...], **given: npt.ArrayLike) -> Columns:
-    """Return columns of the same length, (n,), from those that are given; the others are NaN.
-
-    Raises:
-        ValueError: a name that is not in the layout.
-    """
+    """Return columns of one length, (n,); those that are not given are NaN."""
     length = len(np.atleast_1d(next(iter(given.values())))) if given else 0
     found = np.empty(length, dtype=[(column.name, np.float64) for column in layout])
     matrix_of(found).fill(np.nan)

@@ -25,13 +25,9 @@ PARTICIPANTS: tuple[Kind, ...] = ("participant",)
 
 @dataclass(frozen=True)
 class CountingPlan:
-    """What decides whether a drive counts, besides the drive itself.
-
-    Attributes:
-        kinds: who is chosen.
-        withdrawn: participants whose data may not be used.
-        excluded: participants whom a rule of the plan excludes.
-        with_excluded: whether excluded drives count as well, as in a sensitivity analysis.
+    """What decides whether a drive counts, besides the drive itself: `kinds` are chosen, the data
+    of `withdrawn` participants may not be used, and a rule of the plan excludes those in
+    `excluded`. With `with_excluded`, excluded drives count as well, as in a sensitivity analysis.
     """
 
     kinds: Collection[Kind]
@@ -126,12 +122,8 @@ def counting(
     dataset: Dataset, kinds: Sequence[Kind] = PARTICIPANTS, *, with_excluded: bool = False
 ) -> Dataset:
     """Return the part of a whole dataset that counts: participants of some kinds with the drives
-    that count, the answers about these, and all pages and events of their task.
-
-    Args:
-        dataset: everything that was recorded.
-        kinds: who is chosen.
-        with_excluded: whether excluded drives count as well, as in a sensitivity analysis.
+    that count, the answers about these, and all pages and events of their task. With
+    `with_excluded`, excluded drives count as well, as in a sensitivity analysis.
     """
     plan, found = _plan_of(dataset, kinds)
     if with_excluded:
@@ -145,11 +137,11 @@ def attempted(dataset: Dataset) -> tuple[SessionRecord, ...]:
     last one under it, which is a failure: whether they leave may depend on the condition that they
     saw (intention to treat; only those who were not exposed may be left out: ICH E9, 5.2.1).
     """
-    driven = {(one.participant, one.condition) for one in dataset.sessions}
+    moved = {(one.participant, one.condition) for one in dataset.sessions}
     unmoved = {
         (one.participant, one.condition): one
         for one in dataset.others
-        if one.counts_why == levels.NOT_DRIVEN and (one.participant, one.condition) not in driven
+        if one.counts_why == levels.NOT_DRIVEN and (one.participant, one.condition) not in moved
     }
     found = (*dataset.sessions, *unmoved.values())
     anew = {one.id for one in _drawn_anew(dataset.study, found)}
@@ -157,9 +149,7 @@ def attempted(dataset: Dataset) -> tuple[SessionRecord, ...]:
 
 
 def with_reasons(dataset: Dataset) -> Dataset:
-    """Return a whole dataset whose sessions state whether they count in the results of its
-    participants, and why they do not.
-    """
+    """Return a whole dataset whose sessions state why they do not count (`counts_why`)."""
     found = _reasons(dataset, _plan_of(dataset, PARTICIPANTS)[0])
     sessions = (replace(one, counts_why=found[one.id]) for one in _numbered(dataset.sessions))
     return replace(dataset, sessions=tuple(sessions))

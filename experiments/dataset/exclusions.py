@@ -9,20 +9,12 @@ its page, from its first display to its end, by the server's clock.
 import statistics
 from collections.abc import Iterator, Sequence
 
-from experiments.dataset.levels import (
-    ATTENTION,
-    BY_HAND,
-    INCOMPLETE,
-    OF_PLATFORM,
-    PLATFORM,
-    SPEEDER,
-    WITHHELD,
-)
+from experiments.dataset import levels
 from experiments.dataset.records import Dataset, PageRecord, PlanExclusion, ResponseRecord
 from experiments.definition.plan import AttentionCheck, Speeder
 from surveys.answers import Missing
 
-NOT_ASKED = frozenset({Missing.NOT_ASKED, Missing.NOT_REACHED, WITHHELD})  # nothing to judge
+NOT_ASKED = frozenset({Missing.NOT_ASKED, Missing.NOT_REACHED, levels.WITHHELD})  # nothing to judge
 
 
 def exclusions(dataset: Dataset) -> tuple[PlanExclusion, ...]:
@@ -34,17 +26,18 @@ def exclusions(dataset: Dataset) -> tuple[PlanExclusion, ...]:
 
 
 def excluded_participants(found: Sequence[PlanExclusion]) -> frozenset[str]:
-    """Return the participants whom the rules of the plan exclude."""
     return frozenset(one.participant for one in found if not one.session)
 
 
 def _of_sessions(dataset: Dataset) -> Iterator[PlanExclusion]:
     has_plan = dataset.study.plan is not None
     for one in dataset.others:
-        if one.fault_side == PLATFORM:
-            yield PlanExclusion(one.participant, one.id, OF_PLATFORM, one.fault, has_plan)
+        if one.fault_side == levels.PLATFORM:
+            yield PlanExclusion(one.participant, one.id, levels.OF_PLATFORM, one.fault, has_plan)
         elif one.excluded:
-            yield PlanExclusion(one.participant, one.id, BY_HAND, one.excluded, planned=False)
+            yield PlanExclusion(
+                one.participant, one.id, levels.BY_HAND, one.excluded, planned=False
+            )
 
 
 def _of_participants(dataset: Dataset) -> Iterator[PlanExclusion]:
@@ -59,7 +52,7 @@ def _of_participants(dataset: Dataset) -> Iterator[PlanExclusion]:
         for person in dataset.participants:
             lacking = list(_lacking(dataset, person.id, person.cell))
             if lacking and not person.withdrawn:
-                yield PlanExclusion(person.id, "", INCOMPLETE, "; ".join(lacking))
+                yield PlanExclusion(person.id, "", levels.INCOMPLETE, "; ".join(lacking))
 
 
 # --- attention checks -----------------------------------------------------------------------------
@@ -72,7 +65,7 @@ def _failed(dataset: Dataset, check: AttentionCheck) -> Iterator[PlanExclusion]:
         given = _given(response, check.item)
         if given is not None and given != check.answer:
             value = f"{check.questionnaire}.{check.item}: {given}, right is {check.answer}"
-            yield PlanExclusion(response.participant, "", ATTENTION, value)
+            yield PlanExclusion(response.participant, "", levels.ATTENTION, value)
 
 
 def _given(response: ResponseRecord, item: str) -> str | None:
@@ -96,9 +89,7 @@ def as_answer(value: object) -> str:
 
 
 def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
-    """Yield the finished pages that were too fast, without those about a drive that does not
-    count.
-    """
+    """Yield the finished pages that were too fast, except those about uncounted drives."""
     steps = {one.key for one in dataset.study.asking if one.questionnaire == rule.questionnaire}
     other = {one.id for one in dataset.others}
     pages = [
@@ -110,7 +101,7 @@ def _too_fast(dataset: Dataset, rule: Speeder) -> Iterator[PlanExclusion]:
     for page in pages:
         if page.seconds < limit:
             value = f"{rule.questionnaire}: {page.seconds:.1f} s, less than {in_words}"
-            yield PlanExclusion(page.participant, "", SPEEDER, value)
+            yield PlanExclusion(page.participant, "", levels.SPEEDER, value)
 
 
 def _limit(rule: Speeder, pages: Sequence[PageRecord]) -> tuple[float, str]:

@@ -1,8 +1,8 @@
 """A dataset as files: names and texts, made one after the other, so that they can be written into a
 folder or sent as they are made. Numbers have all their digits, so that reading gives the same ones.
 
-Names are those that Psych-DS requires: pairs of a keyword (lower-case letters) and a value (letters
-and digits), then `_data.csv`.
+Psych-DS requires names of pairs: a keyword of lower-case letters and an alphanumeric value, then
+`_data.csv`.
 """
 
 import json
@@ -42,11 +42,7 @@ class DatasetError(ValueError):
 
 
 def contents(dataset: Dataset) -> Iterator[File]:
-    """Yield the files of a dataset.
-
-    Raises:
-        DatasetError: a code that cannot be the name of a file, or two that would have the same.
-    """
+    """Yield the files of a dataset. A code that is no file name is a DatasetError."""
     yield from tables(dataset, dataset.events)
     for session in dataset.sessions:
         yield from numbers("states", session.id, dataset.states(session.id))
@@ -58,28 +54,21 @@ def tables(
     events: Iterable[EventRecord],
     more: Mapping[str, tuple[Column, ...]] = MappingProxyType({}),
 ) -> Iterator[File]:
-    """Yield everything but states and network samples.
-
-    Args:
-        dataset: all of it but its events.
-        events: read as they are written, because there may be too many for the memory.
-        more: columns of tables that are written in addition to these, for the code book.
-
-    Raises:
-        DatasetError: two sessions with codes that would have the same file.
+    """Yield everything but states and network samples. The events are read as they are written,
+    because there may be too many for the memory; `more` are the columns of tables that are written
+    in addition to these, for the code book. Two sessions with codes that would have the same file
+    are a DatasetError.
     """
     if len({one.id.replace("-", "") for one in dataset.sessions}) < len(dataset.sessions):
         raise DatasetError("two sessions have codes that differ only in hyphens")
     yield from _about(dataset, more)
     for one in data_tables(dataset, events):
-        yield one.path, _as_csv(one.layout, one.rows)
+        yield one.path, as_csv(one.layout, one.rows)
 
 
 @dataclass(frozen=True)
 class DataTable:
-    """A table of values: `name` is that of a table, or of the questionnaire whose responses are its
-    rows.
-    """
+    """A table of values, named after a record's table or a questionnaire."""
 
     name: str
     path: str
@@ -88,7 +77,6 @@ class DataTable:
 
 
 def data_tables(dataset: Dataset, events: Iterable[EventRecord] = ()) -> Iterator[DataTable]:
-    """Yield the tables of a dataset but states and network samples."""
     layouts = dict(code_book.layouts(dataset, {}))
     records: Mapping[str, Iterable[Any]] = {
         "participants": dataset.participants,
@@ -115,9 +103,7 @@ def _wide_rows(dataset: Dataset, slug: str) -> Iterator[list[Any]]:
 
 
 def _about(dataset: Dataset, more: Mapping[str, tuple[Column, ...]]) -> Iterator[File]:
-    """Yield what does not grow with the sessions: description, study, robots, plans and
-    questionnaires.
-    """
+    """Yield what does not grow with the sessions, such as the description and the plans."""
     series = {"states": dataset.states, "network": dataset.network}
     empty = {
         name
@@ -143,12 +129,7 @@ def _json(value: Any) -> str:
 # --- tables ---------------------------------------------------------------------------------------
 
 
-def table(name: str, rows: Iterable[Sequence[Any]], layout: Sequence[Column]) -> File:
-    """Return a table of values, in the order of its columns, as a file."""
-    return table_path(name), _as_csv(layout, rows)
-
-
-def _as_csv(layout: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
+def as_csv(layout: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator[str]:
     """Yield rows of values as CSV, some at a time; none of their cells is a formula."""
     yield csv_text([[column.name for column in layout]])
     rest = iter(rows)
@@ -157,7 +138,6 @@ def _as_csv(layout: Sequence[Column], rows: Iterable[Sequence[Any]]) -> Iterator
 
 
 def values_of(records: Iterable[Any], layout: Sequence[Column]) -> Iterator[list[Any]]:
-    """Yield the values of each record in the order of its columns."""
     for record in records:
         yield [getattr(record, column.name) for column in layout]
 
@@ -208,20 +188,11 @@ def table_path(name: str) -> str:
 
 
 def numbers_path(name: str, session: str) -> str:
-    """Return the path of the states or network samples of a session.
-
-    Raises:
-        DatasetError: a code that cannot be the name of a file.
-    """
+    """Return the path of the states or network samples of a session."""
     return f"data/{name}/session-{_named(session, _CODE).replace('-', '')}_data.csv"
 
 
 def plan_path(name: str) -> str:
-    """Return the path of a floor plan.
-
-    Raises:
-        DatasetError: a name that cannot be the name of a file.
-    """
     return f"plans/{_named(name, _PLAN)}.json"
 
 
@@ -238,10 +209,9 @@ def questionnaire_paths(slugs: Iterable[str]) -> dict[str, str]:
 
 
 def keyword_values(slugs: Iterable[str]) -> dict[str, str]:
-    """Return names as values of letters and digits alone, in their order: `nasa-tlx` is `nasaTlx`.
-
-    Values that would be the same, also on a file system that ignores case, end with a part of the
-    name's SHA-256; so does the value of a name without any letter or digit.
+    """Return each name as a value of letters and digits alone, sorted: `nasa-tlx` is `nasaTlx`.
+    Values that would be equal, even if case is ignored, and empty ones end with a part of the
+    name's SHA-256.
     """
     plain = {slug: _camel(slug) for slug in sorted(set(slugs))}
     shared = [value.casefold() for value in plain.values()]

@@ -46,17 +46,12 @@ __all__ = ["DatasetError", "put", "read", "read_numbers", "write"]
 
 
 def write(dataset: Dataset, folder: Path) -> None:
-    """Write a dataset into a folder, which is made.
-
-    Raises:
-        DatasetError: a code that cannot be the name of a file, or two that would have the same.
-    """
+    """Write a dataset into a folder, which is made; raises as `contents` does."""
     for file in contents(dataset):
         put(file, folder)
 
 
 def put(file: File, folder: Path) -> None:
-    """Write a file into a folder, part by part."""
     name, parts = file
     path = folder / name
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -65,11 +60,7 @@ def put(file: File, folder: Path) -> None:
 
 
 def read(folder: Path) -> Dataset:
-    """Return the dataset of a folder; states and network samples are read on each call.
-
-    Raises:
-        DatasetError: a file that is missing or broken.
-    """
+    """Return a folder's dataset, or raise DatasetError. States are read on each call."""
     return Dataset(
         study=_decoded(folder / "study.json", StudyDefinition),
         robots=_decoded(folder / "robots.json", tuple[RobotRecord, ...]),
@@ -92,19 +83,15 @@ def read(folder: Path) -> Dataset:
 
 def _publication(path: Path) -> PublicationDetails:
     try:
-        return from_json_ld(msgspec.json.decode(path.read_bytes(), type=dict[str, Any]))
-    except (OSError, msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise DatasetError(f"{path.name} cannot be read: {error}") from error
+        return from_json_ld(_decoded(path, dict[str, Any]))
     except (AttributeError, KeyError, TypeError) as error:
         raise DatasetError(f"{path.name} has publication details of another form") from error
 
 
 def read_numbers(folder: Path, name: str, session: str, layout: tuple[Column, ...]) -> Columns:
     """Return the states or network samples of a session, which has none without a file. Late
-    columns that an older file lacks are NaN.
-
-    Raises:
-        DatasetError: other columns than these, or a cell that is no number.
+    columns that an older file lacks are NaN; other unexpected columns, and a cell that is no
+    number, are a DatasetError.
     """
     path = folder / numbers_path(name, session)
     if not path.exists():

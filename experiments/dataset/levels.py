@@ -25,34 +25,26 @@ PLATFORM = "platform"  # the side of a fault that keeps a session out of every r
 WITHHELD = "withheld"  # why a value is missing that was given, and tells who gave it
 
 
-def explained(words: Iterable[str], meanings: Levels) -> Levels:
-    """Return words with their meanings.
-
-    Raises:
-        KeyError: a word has none.
-    """
+def explained(words: Iterable[str], /, **meanings: str) -> Levels:
+    """Return words with their meanings; a word without one is a KeyError."""
     return {word: meanings[word] for word in words if word}
 
 
 KINDS = explained(
     get_args(Kind),
-    {
-        "participant": "took part in the study",
-        "pilot": "tried the study out; counts in no result",
-        "bot": "a program that took part in place of a person; counts in no result",
-    },
+    participant="took part in the study",
+    pilot="tried the study out; counts in no result",
+    bot="a program that took part in place of a person; counts in no result",
 )
 OUTCOMES = explained(
     get_args(Outcome),
-    {
-        "completed": "the task was completed",
-        "timed_out": "its time or the turn was over, or the driver gave no sign any more",
-        "connection_refused": "the page never reached the robot",
-        "cancelled": "the visitor left",
-        "stopped_by_operator": "an operator ended it, or the robot was switched off for visitors",
-        "robot_fault": "the robot was silent or had a fault",
-        "connection_lost": "the visitor's connection was lost and did not come back in time",
-    },
+    completed="the task was completed",
+    timed_out="its time or the turn was over, or the driver gave no sign any more",
+    connection_refused="the page never reached the robot",
+    cancelled="the visitor left",
+    stopped_by_operator="an operator ended it, or the robot was switched off for visitors",
+    robot_fault="the robot was silent or had a fault",
+    connection_lost="the visitor's connection was lost and did not come back in time",
 )
 # Why a session ended (sessions/leases/, sessions/manager/, experiments/tasks/). What an operator
 # wrote is free text.
@@ -116,44 +108,36 @@ VERSIONED = {
 }
 CONTROL_WAYS = explained(
     get_args(ControlWay),
-    {
-        "any": "the data channel, or the server where there is none",
-        "datachannel": "the data channel from the page to the robot (WebRTC)",
-        "mqtt": "over the server and its broker (MQTT)",
-    },
+    any="the data channel, or the server where there is none",
+    datachannel="the data channel from the page to the robot (WebRTC)",
+    mqtt="over the server and its broker (MQTT)",
 )
 ASSISTANCE = explained(
     get_args(AssistLevel),
-    {
-        "off": "none: the participant drives",
-        "slow": "slows down and stops at obstacles",
-        "steer": "steers around obstacles and through doors",
-    },
+    off="none: the participant drives",
+    slow="slows down and stops at obstacles",
+    steer="steers around obstacles and through doors",
 )
 MISMATCHES = explained(
     ASPECTS,
-    {
-        "robot": "another robot was driven",
-        "site": "it was on another floor plan",
-        "control_way": "commands came over another channel than the condition's",
-        "controllers": "the participant drove with a controller that the condition does not allow",
-        "actions": "the participant used an action that the condition does not allow",
-        "assist": "the robot drove with another assistance",
-        "interface": "the page had another interface",
-        "speed": "a command was applied that is faster than the condition's speed",
-        "doors_closed": "other doors were closed",
-        "network": "the network had another impairment",
-    },
+    robot="another robot was driven",
+    site="it was on another floor plan",
+    control_way="commands came over another channel than the condition's",
+    controllers="the participant drove with a controller that the condition does not allow",
+    actions="the participant used an action that the condition does not allow",
+    assist="the robot drove with another assistance",
+    interface="the page had another interface",
+    speed="a command was applied that is faster than the condition's speed",
+    doors_closed="other doors were closed",
+    network="the network had another impairment",
 )
 SIDES = explained(
     get_args(Side),
-    {
-        "visitor": "left, closed the page, or gave no sign",
-        "network": "the connection was lost or never came about, and nothing else explains it",
-        "platform": "the server was away; such a session counts nowhere",
-        "robot": "was silent or had a fault",
-        "operator": "ended the session",
-    },
+    visitor="left, closed the page, or gave no sign",
+    network="the connection was lost or never came about, and nothing else explains it",
+    platform="the server was away; such a session counts nowhere",
+    robot="was silent or had a fault",
+    operator="ended the session",
 )
 PARTS = {WEB: "the process that serves pages", MANAGER: "the process that manages sessions"}
 SOURCES = {
@@ -198,13 +182,11 @@ RULES = {
 MISSING = {
     **explained(
         Missing,
-        {
-            Missing.SKIPPED: "left empty",
-            Missing.PREFERRED_NOT: "“Prefer not to answer” was chosen",
-            Missing.NOT_APPLICABLE: "“Does not apply” was chosen",
-            Missing.NOT_ASKED: "not shown, by a condition of the questionnaire",
-            Missing.NOT_REACHED: "the participant did not get that far",
-        },
+        skipped="left empty",
+        preferred_not="“Prefer not to answer” was chosen",
+        not_applicable="“Does not apply” was chosen",
+        not_asked="not shown, by a condition of the questionnaire",
+        not_reached="the participant did not get that far",
     ),
     WITHHELD: "there is an answer, which would reveal too much",
 }

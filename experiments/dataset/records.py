@@ -30,9 +30,7 @@ COUNTING, EVERY = "counting", "all"
 
 
 class RobotRecord(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """A robot of the study; `series` is what courses are made for, `facts` are the rows of Table 1,
-    by name.
-    """
+    """A robot: `series` is what courses are made for, `facts` are the rows of Table 1 by name."""
 
     name: str
     title: str
@@ -215,7 +213,6 @@ class SessionRecord:
     def counts(
         self,
     ) -> Annotated[bool, described("1 when it counts in the results on participants", late=True)]:
-        """Whether it counts in results."""
         return not self.counts_why
 
     @property
@@ -245,8 +242,6 @@ class SessionRecord:
 
 @dataclass(frozen=True)
 class EventRecord:
-    """A row of the events."""
-
     session: str = column(REQUIRED, "code of the session")
     stamp: float = column(
         REQUIRED,
@@ -265,8 +260,6 @@ class EventRecord:
 
 @dataclass(frozen=True)
 class PageRecord:
-    """A row of the pages."""
-
     participant: str = column(REQUIRED, "who saw the page")
     step: str = column(REQUIRED, "step of the study")
     session: str = word("session that it belongs to, if any")
@@ -341,11 +334,7 @@ class ResponseRecord:
 
     @classmethod
     def of(cls, answers: Sequence[AnswerRecord]) -> "ResponseRecord":
-        """Return the response whose rows these are.
-
-        Raises:
-            ValueError: a value that is not JSON.
-        """
+        """Return the response whose rows these are; a value that is not JSON is a ValueError."""
         first, items = answers[0], [one for one in answers if one.item]
         return cls(
             first.response,
@@ -404,11 +393,9 @@ class Dataset:
 
     @property
     def language(self) -> str:
-        """In which tables speak."""
         return self.study.languages[0] if self.study.languages else "en"
 
     def say(self, text: Mapping[str, str]) -> str:
-        """Return a text in the language of the tables."""
         return spoken(text, self.language)
 
     @property
@@ -418,7 +405,6 @@ class Dataset:
         return next((step.questionnaire for step in about_person), "")
 
     def sessions_of(self, participants: Iterable[str]) -> tuple[str, ...]:
-        """Return the ids of the sessions of participants."""
         wanted = set(participants)
         rows = (*self.sessions, *self.others)
         return tuple(one.id for one in rows if one.participant in wanted)

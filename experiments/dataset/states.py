@@ -159,7 +159,7 @@ OF_COMMANDS = (
         "mean age, when they were applied, of the video frames that they answered",
     ),
     *(amount_of(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
-    *(amount_of(f"on_{way}", "", f"how many of them came on: {way}") for way in WAYS),
+    *(amount_of(f"on_{one}", "", f"how many of them came on: {one}") for one in WAYS),
     amount_of(
         "too_old",
         "",
@@ -183,9 +183,8 @@ OF_COMMANDS = (
 
 
 class StateBatch:
-    """Some states and all their commands: values by command are combined into one by state, (n,).
-
-    A command without a value makes the sum and the mean of its state NaN.
+    """Some states and all their commands: values by command are combined into one by state, (n,). A
+    command without a value makes the sum and the mean of its state NaN.
     """
 
     def __init__(self, states: Sequence[StoredState]) -> None:
@@ -208,7 +207,7 @@ class StateBatch:
             "age_max": self.greatest(ages),
             "answer_age": self.mean_of_known(read(self._commands, "frame_age")),
             **{f"by_{method}": self.count(methods, method) for method in METHODS},
-            **{f"on_{way}": self.count(ways, way) for way in WAYS},
+            **{f"on_{one}": self.count(ways, one) for one in WAYS},
             "too_old": [
                 sum(state.refused.get(reason, 0) for reason in TOO_OLD) for state in self._states
             ],

@@ -76,11 +76,8 @@ class _NoRedirects(HTTPRedirectHandler):
 
 
 class Repository(ABC):
-    """Drafts and files of one repository.
-
-    Args:
-        address: of its API; other addresses must have the same host, or one in `domain`.
-        token: of the depositor.
+    """Drafts and files of one repository. `address` is that of its API; other addresses must have
+    the same host, or one in `domain`. `token` is the depositor's.
     """
 
     title: ClassVar[str]
@@ -104,12 +101,7 @@ class Repository(ABC):
 
     @abstractmethod
     def update(self, draft: DepositDraft, record: Record) -> None:
-        """Write the description of a draft.
-
-        Raises:
-            NotThereError: it was deleted.
-            DepositError: it was published, and cannot be changed.
-        """
+        """Write a draft's description; one that is deleted is a NotThereError."""
 
     @abstractmethod
     def files(self, draft: DepositDraft) -> dict[str, StoredFile]:
@@ -124,11 +116,8 @@ class Repository(ABC):
     def ask(
         self, method: str, address: str, body: Any = None, kind: str = "application/json"
     ) -> Any:
-        """Send JSON, and return the JSON of the answer; None for an empty answer.
-
-        Raises:
-            NotThereError: the repository has no such object.
-            DepositError: it was refused, or the connection was lost.
+        """Send JSON, and return the JSON of the answer, None for an empty one. A missing object is
+        a NotThereError; a refusal and a lost connection are another DepositError.
         """
         data = None if body is None else json.dumps(body).encode()
         return self._send(method, address, data, {} if data is None else {"Content-Type": kind})

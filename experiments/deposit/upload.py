@@ -27,11 +27,7 @@ REPOSITORIES: Mapping[str, type[Repository]] = {"osf": Osf, "zenodo": Zenodo}
 def draft_of(
     repository: Repository, record: Record, known: DepositDraft | None, tell: Tell
 ) -> DepositDraft:
-    """Return the draft of an earlier run, or a new one.
-
-    Raises:
-        DepositError: it cannot be made or changed.
-    """
+    """Return the draft of an earlier run, or a new one; a refusal is a DepositError."""
     problems = list(repository.problems(record))
     if problems:
         raise DepositError(f"{' '.join(problems)} Fill in the publication details of the study.")
@@ -53,10 +49,8 @@ def draft_of(
 def upload_all(
     repository: Repository, draft: DepositDraft, files: Mapping[str, Path], tell: Tell
 ) -> None:
-    """Send files by the names that they have in the repository.
-
-    Raises:
-        DepositError: one was refused or arrived with a difference; those before it are stored.
+    """Send files by the names that they have in the repository. If one is refused or arrives with a
+    difference, raise DepositError; those before it are stored.
     """
     for name in files:
         if len(name) > MAX_NAME:

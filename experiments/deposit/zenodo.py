@@ -1,6 +1,4 @@
-"""Zenodo (https://developers.zenodo.org/): depositions, and files in their buckets. Only the
-request that publishes is left out.
-"""
+"""Zenodo (https://developers.zenodo.org/): depositions and their files. It publishes nothing."""
 
 from collections.abc import Iterator
 from html import escape

@@ -15,9 +15,7 @@ FEW = 5  # in a smaller group, a participant may be recognized
 
 
 def anonymity(dataset: Dataset, left_out: int) -> str:
-    """Return the part of the README of a public dataset that `left_out` participants did not agree
-    to be in.
-    """
+    """Return the README's part on a public dataset, in which `left_out` participants are not."""
     people = _known_of(dataset)
     names = list(next(iter(people.values()), {}))
     sets = [names[:1], *([names[0], name] for name in names[1:]), names]

@@ -31,7 +31,6 @@ class _Sink:
 
 
 def zipped(files: Iterable[File]) -> Iterator[bytes]:
-    """Yield a ZIP archive of files, as they are made."""
     sink = _Sink()
     options = {"compression": zipfile.ZIP_DEFLATED, "compresslevel": LEVEL}
     with zipfile.ZipFile(sink, "w", **options) as archive:  # type: ignore[call-overload]

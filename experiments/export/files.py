@@ -26,9 +26,7 @@ SUMS = "SHA256SUMS"
 
 
 def export_files(study: Study, choice: Selection) -> Iterator[tuple[str, Iterable[bytes]]]:
-    """Yield the files of an export in order, their sums last. Each must be read before the next one
-    is requested.
-    """
+    """Yield the files of an export, each to be read before the next one; their sums are last."""
     sums: dict[str, str] = {}
     for name, parts in _files(study, choice):
         yield name, _summed(name, parts, sums)
@@ -71,7 +69,6 @@ def _files(study: Study, choice: Selection) -> Iterator[File]:
 
 
 def read_me(dataset: Dataset) -> str:
-    """Return the README of an export."""
     definition, missing = dataset.study, ", ".join(dataset.publication.missing)
     kinds = {one.kind for one in dataset.participants}
     others = "" if "participant" in kinds else "".join(f" --kind {one}" for one in sorted(kinds))

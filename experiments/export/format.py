@@ -1,6 +1,4 @@
-"""The base of the formats of an export: each is one file in experiments/export/formats/ with one
-subclass of `ExportFormat`, found by name.
-"""
+"""The base class of export formats, one in each module of experiments/export/formats/."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -12,7 +10,7 @@ from django.utils.functional import Promise
 from experiments.access import Role
 from experiments.analysis.metrics.sessions import Measured
 from experiments.dataset.columns import Column
-from experiments.dataset.files import table
+from experiments.dataset.files import as_csv, table_path
 from experiments.dataset.records import Dataset, SessionRecord
 from experiments.extraction.forms import Release
 from experiments.extraction.selection import Selection
@@ -23,7 +21,6 @@ File = tuple[str, Iterable[str | bytes]]
 
 
 def text_of(name: str) -> str:
-    """Return a text of an export, before its fields are filled in."""
     return Path(__file__).with_name("texts").joinpath(name).read_text(encoding="utf-8")
 
 
@@ -42,7 +39,7 @@ class ExportSource:
 
     def table(self, name: str, rows: Iterable[Sequence[Any]]) -> File:
         """Return rows of values, in the order of the table's columns, as a file."""
-        return table(name, rows, self.more[name])
+        return table_path(name), as_csv(self.more[name], rows)
 
 
 class ExportFormat:
@@ -66,9 +63,7 @@ class ExportFormat:
     def tables_of(
         cls, _dataset: Dataset, _drives: Sequence[Drive]
     ) -> Mapping[str, tuple[Column, ...]]:
-        """Return the columns of its tables in the export of a study: Psych-DS refuses a code book
-        with columns that are in no file.
-        """
+        """Return its tables' columns; Psych-DS refuses columns that are in no file."""
         return cls.tables
 
     def __init__(self, source: ExportSource) -> None:

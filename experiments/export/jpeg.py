@@ -21,11 +21,7 @@ class JpegError(ValueError):
 
 
 def without_metadata(jpeg: bytes, name: str) -> bytes:
-    """Return the image alone, with `name` as its comment.
-
-    Raises:
-        JpegError: these bytes are no JPEG.
-    """
+    """Return the image alone, with `name` as its comment, or raise JpegError."""
     comment = name.encode()
     begin = bytes((0xFF, START, 0xFF, COMMENT)) + (len(comment) + 2).to_bytes(2) + comment
     parts = (part for marker, part in _parts(jpeg) if _is_kept(marker, part))
@@ -41,9 +37,7 @@ def _is_kept(marker: int, part: bytes) -> bool:
 
 
 def _parts(jpeg: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the marker of each segment between start and end, and the segment; a scan includes the
-    coded image after it.
-    """
+    """Yield the marker and bytes of each segment; a scan includes the coded image after it."""
     if jpeg[:2] != bytes((0xFF, START)):
         raise JpegError("no start of a picture")
     at = 2

@@ -15,17 +15,10 @@ from typing import Any, get_args
 
 import msgspec
 
+from experiments.dataset import states
 from experiments.dataset.columns import Column, declared
 from experiments.dataset.levels import END_REASONS
 from experiments.dataset.records import EventRecord
-from experiments.dataset.states import (
-    StoredBattery,
-    StoredCommand,
-    StoredPose,
-    StoredSample,
-    StoredState,
-    StoredVelocity,
-)
 from experiments.definition.coding import CodingScheme
 from experiments.definition.cues import CueKey
 from experiments.definition.schema import Outcome
@@ -141,17 +134,20 @@ MESSAGES: Mapping[type, Fields] = {
     p.PageEvent: {"stamp": time, "type": withheld, "data": withheld},  # PAGE has its types
     # The fields that are read into columns are those of the classes that read them.
     m.State: {
-        **_read_by(StoredState),
+        **_read_by(states.StoredState),
         **dict.fromkeys(("boot", "session", "epoch", "chargerContact", "assist"), withheld),
         **dict.fromkeys(("safety", "errors", "viewers", "assistWhy", "assistPoint"), withheld),
         **dict.fromkeys(("call", "screens", "controlNetwork", "videoNetwork"), withheld),
         **dict.fromkeys(("cameraStatus", "knock", "knockable"), withheld),
     },
-    m.Pose: {**_read_by(StoredPose), "covariance": withheld},
-    m.Velocity: _read_by(StoredVelocity),
-    m.Battery: {**_read_by(StoredBattery), "voltage": withheld},
-    m.AppliedCommand: {**_read_by(StoredCommand), **dict.fromkeys(("seq", "stamp"), withheld)},
-    p.PageNetwork: {**_read_by(StoredSample), "stamp": in_columns, "path": withheld},
+    m.Pose: {**_read_by(states.StoredPose), "covariance": withheld},
+    m.Velocity: _read_by(states.StoredVelocity),
+    m.Battery: {**_read_by(states.StoredBattery), "voltage": withheld},
+    m.AppliedCommand: {
+        **_read_by(states.StoredCommand),
+        **dict.fromkeys(("seq", "stamp"), withheld),
+    },
+    p.PageNetwork: {**_read_by(states.StoredSample), "stamp": in_columns, "path": withheld},
     # These are read into words: `facts` and `spell`.
     m.Factsheet: {
         **dict.fromkeys(("series", "rca"), in_columns),
@@ -313,7 +309,6 @@ CODING_EDIT: Fields = {
 
 
 def coded(scheme: CodingScheme) -> Fields:
-    """Return the forms of an event that was coded by a scheme, with the words of the scheme."""
     modifiers = {
         modifier.name: words(*modifier.values)
         for code in scheme.codes

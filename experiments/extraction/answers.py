@@ -21,28 +21,29 @@ AT_ONCE = 200  # participants whose responses one query returns
 def responses_of(
     study: Study, sessions: Mapping[Round, str], names: Pseudonyms, choice: Selection
 ) -> Iterator[ResponseRecord]:
-    """Yield the responses that were given in a study, participant by participant; `sessions` has
-    the code of each round's drive.
-    """
+    """Yield a study's responses by participant; `sessions` has the code of each round's drive."""
     people = list(people_of(study, choice).exclude(status=Participant.Status.WITHDRAWN))
     asking = study.as_definition().asking
     about_drive = {step.key: not step.is_about_person for step in asking}
     for start in range(0, len(people), AT_ONCE):
         known = {str(one.pk): one for one in people[start : start + AT_ONCE]}
-        found: dict[str, list[ResponseRecord]] = {key: [] for key in known}
+        order = {key: place for place, key in enumerate(known)}
         rows = Row.objects.filter(
             asked_at__participant__in=list(known),
             asked_at__step__in=list(about_drive),
             questionnaire__slug__in={step.questionnaire for step in asking},
         ).select_related("asked_at")
-        for row, definition, answers in answered(rows):
+        by_person = sorted(
+            answered(rows), key=lambda found: order[str(found[0].asked_at.participant_id)]
+        )
+        for row, definition, answers in by_person:
             place, is_about_drive = row.asked_at, about_drive[row.asked_at.step]
             person = known[str(place.participant_id)]
             is_exact = is_about_drive or not choice.public
             values, missing = _stated(row, definition, answers, choice, is_exact=is_exact)
             seconds = {one.item: one.seconds for one in answers if one.seconds is not None}
             session = sessions.get((person.pk, place.visit, place.round), "")
-            response = ResponseRecord(
+            yield ResponseRecord(
                 names.response(row.pk),
                 row.questionnaire.slug,
                 person.code,
@@ -53,9 +54,6 @@ def responses_of(
                 missing=missing,
                 seconds={key: seconds[key] for key in (*values, *missing) if key in seconds},
             )
-            found[str(person.pk)].append(response)
-        for own in found.values():
-            yield from own
 
 
 def _stated(

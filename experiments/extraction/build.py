@@ -97,9 +97,7 @@ def _network(drive: Drive) -> Columns:
 def _reader(
     drives: Sequence[Drive], names: Pseudonyms, read: Callable[[Drive], Columns], nothing: Columns
 ) -> Callable[[str], Columns]:
-    """Return a function of a session's code; two calls in a row with one code read the database
-    once.
-    """
+    """Return a function of a session's code, which caches its last result."""
     known = {names.session(drive.session_id): drive for drive in drives}
 
     @lru_cache(maxsize=1)

@@ -1,6 +1,4 @@
-"""The events of sessions from all of their sources: the task engine, the server, the robot and the
-page.
-"""
+"""The events of sessions from all sources: task engine, server, robot and page."""
 
 import statistics
 from collections.abc import Iterable, Iterator
@@ -18,9 +16,7 @@ from sessions.models import NetworkSample, SessionEvent
 
 
 def events_of(drives: Iterable[Drive], release: Release) -> Iterator[EventRecord]:
-    """Yield the events of drives, session by session and in order of time, by the server's
-    clock.
-    """
+    """Yield the events of each drive in order of time, by the server's clock."""
     for drive in drives:
         found = _of_drive(drive, release)
         yield from sorted(found, key=lambda event: (event.stamp, event.source, event.type))

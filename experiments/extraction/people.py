@@ -114,9 +114,7 @@ def stages_of(study: Study, rows: Iterable[Row]) -> dict[Any, str]:
 
 
 def pages_of(study: Study, sessions: Mapping[Round, str], choice: Selection) -> list[PageRecord]:
-    """Return every page that was shown, by participant and in order; `sessions` has the code of
-    each round's drive.
-    """
+    """Return the displayed pages in order; `sessions` has the code of each round's drive."""
     visits = StepVisit.objects.filter(participant__in=people_of(study, choice))
     rows = visits.exclude(participant__status=Row.Status.WITHDRAWN).select_related("participant")
     definition = study.as_definition()

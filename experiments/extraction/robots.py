@@ -18,9 +18,7 @@ ACCESS = {"open": "everybody", "invitation": "by invitation"}
 
 
 def robots_of(study: StudyDefinition, driven: Iterable[str]) -> tuple[RobotRecord, ...]:
-    """Return the robots that were driven, by name, and the others of the same series at the
-    study's sites.
-    """
+    """Return, by name, the driven robots and others of their series at the study's sites."""
     wanted, names = {(one.robot, one.site) for one in study.conditions}, set(driven)
     found = []
     for row in Row.objects.select_related("floor_plan").order_by("name"):
@@ -36,7 +34,6 @@ def robots_of(study: StudyDefinition, driven: Iterable[str]) -> tuple[RobotRecor
 
 
 def facts(sheet: Mapping[str, Any], study: StudyDefinition) -> dict[str, str]:
-    """Return the rows of Table 1 about a robot, from its factsheet and the study."""
     series, can = sheet.get("series", ""), sheet.get("capabilities", ())
     courses = [course for course in study.courses if course.robot == series]
     entries = {condition.access for condition in study.conditions if condition.robot == series}

@@ -1,6 +1,4 @@
-"""The choice of a dataset's contents. What a pseudonymous dataset has of each event is listed in
-experiments/extraction/allow_list.py.
-"""
+"""The choice of a dataset's contents; allow_list.py has what is pseudonymous of each event."""
 
 from dataclasses import dataclass
 

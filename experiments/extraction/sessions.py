@@ -109,7 +109,6 @@ def _assigned(condition: Condition | None) -> dict[str, object]:
 
 
 def _applied(drive: Drive) -> dict[str, str]:
-    """Return the impairments that the robot reported as applied."""
     found = {name: drive.applied.get(f"{name}_network") for name in ("control", "video")}
     return {
         f"{name}_applied": spell(msgspec.convert(report, LabReport).lab)
@@ -149,9 +148,7 @@ def _after(drive: Drive, at: datetime.datetime | None) -> float:
 
 
 def _first_frame(drive: Drive) -> float:
-    """Return the time from which the task engine counted; without a task, that of the first video
-    frame.
-    """
+    """Return the time from which the task counted; without a task, of the first video frame."""
     started = drive.result.get("started")
     if started is not None:
         return float(round(started - granted(drive), 6))
@@ -159,9 +156,7 @@ def _first_frame(drive: Drive) -> float:
 
 
 def _first_motion(drive: Drive) -> float:
-    """Return the session manager's note; where it was not running then, the time is found in the
-    states.
-    """
+    """Return the session manager's note; without one, the time that the states show."""
     if drive.settled_at is not None and not drive.moved:
         return NAN
     noted = _after(drive, drive.session.first_motion_at)

@@ -6,11 +6,6 @@ from experiments.models import Study
 
 
 def study_named(text: str) -> Study:
-    """Return a study by its name and, after a colon, its version.
-
-    Raises:
-        CommandError: there is none.
-    """
     slug, _, version = text.partition(":")
     rows = Study.objects.filter(slug=slug).order_by("-version")
     if version:

@@ -1,14 +1,23 @@
 """Markers of other streams, stored in the record of the sessions in progress at their time."""
 
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from django.db.models import Q
 
-from experiments.markers.marker import ForeignMarker
 from experiments.models import Drive
 from sessions.models import SessionEvent
 
 MAX_TEXT = 500
+
+
+@dataclass(frozen=True)
+class ForeignMarker:
+    """A sample of another stream at `at`, Unix seconds by the server's clock."""
+
+    stream: str
+    text: str
+    at: float
 
 
 def record(slug: str, marker: ForeignMarker, now: float) -> int:

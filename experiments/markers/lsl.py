@@ -11,7 +11,7 @@ import pylsl
 from pylsl.util import LostError
 from pylsl.util import TimeoutError as LateError
 
-from experiments.markers.marker import ForeignMarker
+from experiments.markers.incoming import ForeignMarker
 
 TYPE = "Markers"  # as LSL calls streams of texts at irregular times
 OPEN_S = 1.0  # to wait for a stream that has been found
@@ -31,9 +31,7 @@ def unix_minus_lsl() -> float:
 
 
 class MarkerOutlet:
-    """A stream of markers. Its id stays the same, so that a recorder finds it again after a restart
-    of this process.
-    """
+    """A stream of markers, with a constant id by which a recorder finds it after a restart."""
 
     def __init__(self, name: str, source_id: str) -> None:
         info = pylsl.StreamInfo(name, TYPE, 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, source_id)

@@ -7,6 +7,7 @@ published late, with the time of the event.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -19,12 +20,36 @@ from experiments.extraction.build import release_of
 from experiments.extraction.events import origin_of
 from experiments.extraction.forms import Origin, Release, kept
 from experiments.extraction.selection import Selection
-from experiments.markers.marker import Marker, TimedMarker
 from experiments.models import Coding, CodingSchemeVersion, Drive, StepVisit, Study, TaskEvent
 from sessions.models import SessionEvent
 
 LATE_S = 60.0  # an event is stored within this time, also when a robot sends it again
 LAB = "lab"  # the source of the markers of other streams, which are not sent back to them
+
+
+class Marker(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A sample of our stream, sent as JSON. `t` is in seconds since the grant of the robot, absent
+    without a session; `data` depends on the type as in the events of a dataset.
+    """
+
+    type: str
+    source: str
+    session: str = ""
+    participant: str = ""
+    t: float | None = None
+    data: dict[str, Any] = {}
+
+    def text(self) -> str:
+        return msgspec.json.encode(self).decode()
+
+
+@dataclass(frozen=True)
+class TimedMarker:
+    """A marker at `at`, Unix seconds by the server's clock; `key` identifies it."""
+
+    key: tuple[Any, ...]
+    at: float
+    marker: Marker
 
 
 class MarkerSource:

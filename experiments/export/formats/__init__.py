@@ -17,11 +17,7 @@ ON_REQUEST = {name: one for name, one in FORMATS.items() if one.label}
 
 
 def chosen(choice: Selection) -> list[type[ExportFormat]]:
-    """Return the formats of an export, in the order of their files.
-
-    Raises:
-        UnknownFormatError: a requested format does not exist.
-    """
+    """Return the formats of an export, in the order of their files."""
     unknown = sorted(set(choice.formats) - set(ON_REQUEST))
     if unknown:
         raise UnknownFormatError(f"there is no export format {', '.join(unknown)}")

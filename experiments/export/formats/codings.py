@@ -145,8 +145,6 @@ def _schemes(drives: Iterable[Drive]) -> list[tuple[CodingSchemeVersion, list[Co
 
 
 def _figures(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:
-    """Yield the rows of the table `agreement`."""
-
     def row(code: str, figure: str, places: Iterable[int], one: ReliabilityEstimate) -> Any:
         coders = "|".join(f"C{agreement.coders[place]}" for place in places)
         return version, code or "all", figure, coders, one.value, one.low, one.high

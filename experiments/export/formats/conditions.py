@@ -136,6 +136,5 @@ def _scores(dataset: Dataset, person: str, sessions: set[str]) -> Iterator[float
 
 
 def _mean(values: Iterable[float | None]) -> float | None:
-    """Return the mean of the values that are known."""
     known = [one for one in values if one is not None and not math.isnan(one)]
     return fmean(known) if known else None

@@ -30,8 +30,6 @@ METRIC_TABLE = (
 
 
 class DatasetFormat(ExportFormat):
-    """What every export has."""
-
     tables = {"metrics": METRIC_TABLE, "events": event_columns()}
 
     def of_study(self) -> Iterator[File]:
@@ -48,13 +46,11 @@ class DatasetFormat(ExportFormat):
 
 
 def metric_rows(source: ExportSource) -> Iterator[list[Any]]:
-    """Yield a row a session."""
     quality = source.dataset.study.quality
     return (metric_row(one, quality) for one in source.measured.values())
 
 
 def metric_row(measured: Measured, quality: Quality) -> list[Any]:
-    """Return the row of a session."""
     problems = "|".join(problems_of(measured, quality))
     numbers = (measured.values[column.name] for column in METRICS)
     return [measured.session.id, VERSION, problems, *numbers]

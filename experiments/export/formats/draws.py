@@ -1,6 +1,4 @@
-"""How participants were assigned to cells: each draw with its inputs, so that it can be repeated
-(experiments/participation/assignment.py).
-"""
+"""How participants were assigned: each draw with its inputs, so that it can be repeated."""
 
 import json
 from collections.abc import Iterator, Sequence

@@ -40,8 +40,6 @@ DTA_NEVER = b"<timestamp>\x1101 Jan 1980 00:00</timestamp>"
 
 
 class LabelledFormat(ExportFormat):
-    """Files of SPSS and Stata, one a table."""
-
     label = _("with files for SPSS and Stata")
     help = "with files for SPSS and Stata, with labels"
 
@@ -81,7 +79,6 @@ class Variable:
 
 
 def labelled(layout: Sequence[Column], rows: Sequence[Sequence[Any]]) -> list[Variable]:
-    """Return a table of values as labelled variables."""
     values = {column.name: [row[at] for row in rows] for at, column in enumerate(layout)}
     return [_variable(column, values) for column in layout]
 
@@ -127,7 +124,13 @@ def written(table: Sequence[Variable], ending: str) -> bytes:
     options: dict[str, Any] = {
         "column_labels": [_label(one.column, LABEL_BYTES[ending]) for one in table],
         "variable_value_labels": {
-            name: dict(zip(_stored(own, ending), map(_value_label, own.values()), strict=True))
+            name: dict(
+                zip(
+                    _stored(own, ending),
+                    (_cut(one, VALUE_LABEL_BYTES) for one in own.values()),
+                    strict=True,
+                )
+            )
             for name, one in named.items()
             if (own := one.labels | one.reasons)
         },
@@ -153,10 +156,6 @@ def _stored(values: Iterable[Any], ending: str) -> list[Any]:
     return [LETTERS.get(one, one) for one in values] if ending == "dta" else [*values]
 
 
-def _value_label(text: str) -> str:
-    return _cut(text, VALUE_LABEL_BYTES)
-
-
 def _label(column: Column, most: int) -> str:
     return _cut(f"{column.meaning} ({column.unit})" if column.unit else column.meaning, most)
 
@@ -169,9 +168,7 @@ def _cut(text: str, most: int) -> str:
 
 
 def variable_names(names: Sequence[str], most: int) -> list[str]:
-    """Return names that both programs accept: letters, digits and underscores, of which no two are
-    the same without regard to case.
-    """
+    """Return names of letters, digits and underscores that are unique without regard to case."""
     found: list[str] = []
     for name in names:
         plain = re.sub(r"[^A-Za-z0-9_]", "_", name)

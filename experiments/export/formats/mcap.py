@@ -1,15 +1,6 @@
-"""A session as an MCAP file with the schemas of Foxglove, in JSON, which Foxglove plays back like a
-robot's own recording.
-
-    /pose         foxglove.PoseInFrame       where the robot was
-    /path         foxglove.PosesInFrame      its driven path, once
-    /course       foxglove.PosesInFrame      the suggested path, once
-    /velocity     telepresence.Velocity      its measured velocity
-    /commands     telepresence.Commands      commands applied and refused since the previous state
-    /network      telepresence.Network       the visitor's connection
-    /events       foxglove.Log               the events
-
-Schemas are those of https://docs.foxglove.dev/docs/sdk/schemas, as far as they are filled in.
+"""A session as an MCAP file in JSON, which Foxglove plays back like a robot's own recording. The
+schemas (experiments/export/texts/mcap_schemas.json) are those of
+https://docs.foxglove.dev/docs/sdk/schemas, as far as they are filled in.
 """
 
 import io
@@ -25,7 +16,7 @@ from mcap.writer import CompressionType, Writer
 
 from experiments.dataset.columns import Columns
 from experiments.dataset.records import Dataset, EventRecord, SessionRecord
-from experiments.export.format import ExportFormat, File
+from experiments.export.format import ExportFormat, File, text_of
 from experiments.extraction.events import events_of
 from experiments.extraction.sessions import granted
 from experiments.models import Drive
@@ -33,56 +24,22 @@ from experiments.models import Drive
 FRAME = "map"
 INFO = 2  # foxglove.Log's level
 NANO = 1_000_000_000
-_TIME = {
-    "type": "object",
-    "title": "time",
-    "properties": {
-        "sec": {"type": "integer", "minimum": 0},
-        "nsec": {"type": "integer", "minimum": 0},
-    },
-}
-_XYZ = {name: {"type": "number"} for name in "xyz"}
-_POSE = {
-    "type": "object",
-    "title": "foxglove.Pose",
-    "properties": {
-        "position": {"type": "object", "title": "foxglove.Vector3", "properties": _XYZ},
-        "orientation": {
-            "type": "object",
-            "title": "foxglove.Quaternion",
-            "properties": _XYZ | {"w": {"type": "number"}},
-        },
-    },
-}
-_FRAMED: dict[str, Any] = {"timestamp": _TIME, "frame_id": {"type": "string"}}
 VELOCITY, COMMANDS = ("linear", "angular"), ("commands", "refused", "age_max")
 NETWORK = ("round_trip", "loss", "fps", "bitrate", "freezes", "frame_age")
 
-
-def _numbers(names: Iterable[str]) -> dict[str, Any]:
-    return {"timestamp": _TIME} | {name: {"type": ["number", "null"]} for name in names}
-
-
-_POSES = _FRAMED | {"poses": {"type": "array", "items": _POSE}}
-CHANNELS: dict[str, tuple[str, dict[str, Any]]] = {
-    "/pose": ("foxglove.PoseInFrame", _FRAMED | {"pose": _POSE}),
-    "/path": ("foxglove.PosesInFrame", _POSES),
-    "/course": ("foxglove.PosesInFrame", _POSES),
-    "/velocity": ("telepresence.Velocity", _numbers(VELOCITY)),
-    "/commands": ("telepresence.Commands", _numbers(COMMANDS)),
-    "/network": ("telepresence.Network", _numbers(NETWORK)),
-    "/events": (
-        "foxglove.Log",
-        {"timestamp": _TIME, "level": {"type": "integer"}, "line": {"type": "integer"}}
-        | {name: {"type": "string"} for name in ("message", "name", "file")},
-    ),
+CHANNELS = {
+    "/pose": "foxglove.PoseInFrame",  # where the robot was
+    "/path": "foxglove.PosesInFrame",  # its driven path, once
+    "/course": "foxglove.PosesInFrame",  # the suggested path, once
+    "/velocity": "telepresence.Velocity",  # its measured velocity
+    "/commands": "telepresence.Commands",  # applied and refused since the previous state
+    "/network": "telepresence.Network",  # the visitor's connection
+    "/events": "foxglove.Log",
 }
 Message = tuple[float, str, dict[str, Any]]  # seconds since the grant; topic; content
 
 
 class McapFormat(ExportFormat):
-    """A recording a session."""
-
     label = _("with a Foxglove recording of each session")
     help = "with a Foxglove recording of each session"
 
@@ -98,9 +55,7 @@ class McapFormat(ExportFormat):
 def recording(
     dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord], *, begin: float = 0.0
 ) -> bytes:
-    """Return a session as an MCAP file; `begin` is the time of the grant in Unix seconds, or 0 to
-    keep it secret.
-    """
+    """Return an MCAP file; `begin` is the grant in Unix seconds, or 0 to keep it secret."""
     states, network = dataset.states(session.id), dataset.network(session.id)
     found = [
         *_once(dataset, session, states),
@@ -111,7 +66,11 @@ def recording(
     out = io.BytesIO()
     writer = Writer(out, compression=CompressionType.ZSTD)
     writer.start(profile="", library="telepresence")
-    channels = {topic: _register(writer, topic) for topic in CHANNELS}
+    schemas, channels = json.loads(text_of("mcap_schemas.json")), {}
+    for topic, name in CHANNELS.items():
+        schema = json.dumps(schemas[name]).encode()
+        number = writer.register_schema(name, SchemaEncoding.JSONSchema, schema)
+        channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, number)
     about = {"session": session.id} | {
         name: getattr(session, name) for name in ("participant", "robot", "condition", "outcome")
     }
@@ -124,21 +83,6 @@ def recording(
         )
     writer.finish()  # type: ignore[no-untyped-call]
     return out.getvalue()
-
-
-def _register(writer: Writer, topic: str) -> int:
-    name, properties = CHANNELS[topic]
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": name,
-        "type": "object",
-        "properties": properties,
-    }
-    return writer.register_channel(
-        topic,
-        MessageEncoding.JSON,
-        writer.register_schema(name, SchemaEncoding.JSONSchema, json.dumps(schema).encode()),
-    )
 
 
 def _once(dataset: Dataset, session: SessionRecord, states: Columns) -> Iterator[Message]:

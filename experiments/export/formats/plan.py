@@ -1,6 +1,4 @@
-"""The plan and its outcome: the text of the preregistration, the exclusions, and the reporting
-sheet.
-"""
+"""The plan and its outcome: preregistration, exclusions, and reporting sheet."""
 
 from collections.abc import Iterator
 
@@ -16,8 +14,6 @@ from experiments.export.format import ExportFormat, ExportSource, File
 
 
 class PlanFormat(ExportFormat):
-    """What every export has."""
-
     tables = {"exclusions": declared(PlanExclusion)}
 
     def __init__(self, source: ExportSource) -> None:
@@ -26,7 +22,6 @@ class PlanFormat(ExportFormat):
         self._chosen = [counting(source.dataset, [kind]) for kind in KINDS if kind in there]
 
     def of_study(self) -> Iterator[File]:
-        """Yield the preregistration, and the exclusions."""
         dataset = self.source.dataset
         text = preregistration(dataset.study, dataset.freeze, dataset.questionnaires)
         yield "preregistration.md", [text]

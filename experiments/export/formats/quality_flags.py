@@ -36,8 +36,6 @@ COLUMNS = (
 
 
 class QualityFlagsFormat(ExportFormat):
-    """What every export has."""
-
     tables = {"quality_flags": COLUMNS}
 
     def __init__(self, source: ExportSource) -> None:

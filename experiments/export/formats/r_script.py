@@ -17,8 +17,6 @@ TEXTS = {one.name for kind in TABLES.values() for one in declared(kind) if one.i
 
 
 class RScriptFormat(ExportFormat):
-    """What every export has."""
-
     def of_study(self) -> Iterator[File]:
         dataset = self.source.dataset
         paths = questionnaire_paths(one.slug for one in dataset.questionnaires)

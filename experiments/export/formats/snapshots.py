@@ -25,7 +25,6 @@ class SnapshotsFormat(ExportFormat):
         return choice.identified or super().is_in(name, choice)
 
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
-        """Yield the photos of a session in the order in which they were taken."""
         rows = Snapshot.objects.filter(session=drive.session).order_by("stamp")
         shots = rows.values_list("jpeg", flat=True)
         for number, jpeg in enumerate(shots.iterator(chunk_size=1), start=1):
@@ -35,9 +34,7 @@ class SnapshotsFormat(ExportFormat):
                 yield f"snapshots/{name}.jpg", [photo]
 
     def _photo(self, jpeg: bytes, name: str) -> bytes | None:
-        """Return a photo as it was stored in an identified export, else without metadata; None for
-        one from which they cannot be removed.
-        """
+        """Return a photo, without metadata unless the export is identified; None if this fails."""
         if self.source.release.choice.identified:
             return jpeg
         try:

@@ -1,6 +1,4 @@
-"""`manage.py analyse_study`: every table and figure of a study, from the database or from an
-exported dataset alone.
-"""
+"""`manage.py analyse_study`: tables and figures of a study, from database or dataset."""
 
 from argparse import ArgumentParser
 from collections.abc import Sequence

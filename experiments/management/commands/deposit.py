@@ -1,6 +1,4 @@
-"""`manage.py deposit`: the dataset of a study as a draft in a repository, which its owner completes
-and publishes there.
-"""
+"""`manage.py deposit`: uploads a dataset as a draft, which its owner publishes."""
 
 import getpass
 import os
@@ -89,9 +87,7 @@ def _record_of(study: Study) -> Record:
 
 
 def _written(study: Study, folder: Path) -> dict[str, Path]:
-    """Write a study's export as an archive, and the files of LOOSE beside it; return the paths by
-    the files' names.
-    """
+    """Write the archive of a public export and the files of LOOSE; return paths by name."""
     loose: dict[str, Path] = {}
 
     def kept() -> Any:

@@ -1,6 +1,4 @@
-"""`manage.py stream_markers STUDY`: sends the study's events to the Lab Streaming Layer, and writes
-the markers of other streams into the record.
-"""
+"""`manage.py stream_markers STUDY`: exchanges markers with the Lab Streaming Layer."""
 
 import signal
 import threading
@@ -13,8 +11,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 from django.db import DatabaseError, InterfaceError, close_old_connections
 
-from experiments.markers.incoming import record
-from experiments.markers.marker import ForeignMarker
+from experiments.markers.incoming import ForeignMarker, record
 from experiments.markers.outgoing import MarkerSource
 from experiments.models import Study
 

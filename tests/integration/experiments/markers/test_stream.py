@@ -13,8 +13,7 @@ from django.utils import timezone
 from experiments.coding import store
 from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.management.commands import stream_markers
-from experiments.markers.incoming import record
-from experiments.markers.marker import ForeignMarker
+from experiments.markers.incoming import ForeignMarker, record
 from experiments.markers.outgoing import MarkerSource
 from experiments.models import Coding, StepVisit
 from sessions.models import SessionEvent

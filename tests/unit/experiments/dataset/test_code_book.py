@@ -142,7 +142,7 @@ def test_column_with_several_words_in_a_cell_lists_them_and_their_divider(book):
 
 def test_a_word_without_a_meaning_is_an_error():
     with pytest.raises(KeyError, match="robot"):
-        explained(("", "visitor", "robot"), {"visitor": "left"})
+        explained(("", "visitor", "robot"), visitor="left")
 
 
 # --- times ----------------------------------------------------------------------------------------
