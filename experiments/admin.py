@@ -27,7 +27,7 @@ from experiments.definition.shipped import shipped
 from experiments.models import Participant, ParticipantKind, Study, StudyMember
 from experiments.participation import completion
 from experiments.research.notices import mail_to_owner
-from experiments.research.study_access import shown_time, study_for
+from experiments.research.study_access import shown_time
 from experiments.study_admin import opening_hours
 from experiments.study_admin.drives import DriveAdmin
 from experiments.study_admin.participants import ParticipantAdmin
@@ -199,11 +199,11 @@ class StudyAdmin(
         return [
             path("shipped/", shipped, name="experiments_study_shipped"),
             self.study_path("export.json", require_safe(self.export), "export"),
-            self.study_path("new-version/", require_POST(self.new_version), "new_version"),
-            self.study_path("copy/", self.copy_view, "copy"),
-            self.study_path("publish/", self.publish_view, "publish"),
-            self.study_path("close/", require_POST(self.close), "close"),
-            self.study_path("reopen/", require_POST(self.reopen), "reopen"),
+            self.study_path("new-version/", require_POST(self.new_version), "new_version", "owner"),
+            self.study_path("copy/", self.copy_view, "copy", "owner"),
+            self.study_path("publish/", self.publish_view, "publish", "owner"),
+            self.study_path("close/", require_POST(self.close), "close", "owner"),
+            self.study_path("reopen/", require_POST(self.reopen), "reopen", "owner"),
             *self.builder_urls(),
             *self.people_urls(),
             *self.plan_urls(),
@@ -238,22 +238,20 @@ class StudyAdmin(
         messages.success(request, made(1))
         return redirect("admin:experiments_study_change", row.pk)
 
-    def export(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row = study_for(request, pk, "viewer")
+    def export(self, _request: HttpRequest, row: Study) -> HttpResponse:
         headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
         return HttpResponse(
             to_json(row.as_definition()), content_type="application/json", headers=headers
         )
 
-    def new_version(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        copy = publishing.new_version(study_for(request, pk, "owner"), timezone.now())
+    def new_version(self, request: HttpRequest, row: Study) -> HttpResponse:
+        copy = publishing.new_version(row, timezone.now())
         self.log_addition(request, copy, "New version.")
         words = gettext("Version %(n)d is a draft. Edit it, rehearse it, then publish it.")
         messages.success(request, words % {"n": copy.version})
         return redirect("admin:experiments_study_change", copy.pk)
 
-    def copy_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row = study_for(request, pk, "owner")
+    def copy_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         form = CopyForm(request.POST or None, initial={"title": row.shown_title})
         if request.method == "POST" and form.is_valid():
             name, title = form.cleaned_data["name"], form.cleaned_data["title"]
@@ -268,8 +266,7 @@ class StudyAdmin(
         title = gettext("Copy as a new study")
         return self.study_page(request, row, "copy", title, {"form": form}, tab="overview")
 
-    def publish_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row = study_for(request, pk, "owner")
+    def publish_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         form, reasons = PublishForm(request.POST if request.method == "POST" else None), []
         if request.method == "POST" and form.is_valid():
             reason, is_confirmed = form.cleaned_data["reason"], form.cleaned_data["confirmed"]
@@ -298,8 +295,7 @@ class StudyAdmin(
             request, row, "publish", title, context, tab="overview", status=status
         )
 
-    def close(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row = study_for(request, pk, "owner")
+    def close(self, request: HttpRequest, row: Study) -> HttpResponse:
         try:
             publishing.close(row, timezone.now())
         except publishing.NotPublishableError as error:
@@ -309,8 +305,7 @@ class StudyAdmin(
             self._note(request, row, "study_closed", "Closed.", words)
         return redirect("admin:experiments_study_change", row.pk)
 
-    def reopen(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row = study_for(request, pk, "owner")
+    def reopen(self, request: HttpRequest, row: Study) -> HttpResponse:
         try:
             publishing.reopen(row)
         except publishing.NotPublishableError as error:

@@ -5,7 +5,7 @@ from django.urls import URLPattern, URLResolver, path
 from experiments.instruction_media import media
 from experiments.participation import appointment_views, step_views, views
 from experiments.participation.own_data import views as own_views
-from experiments.participation.withdrawal.views import receipt_text
+from experiments.participation.withdrawal.receipt import receipt_text
 from experiments.recruitment import api
 
 urlpatterns: list[URLPattern | URLResolver] = [

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from typing import Any
+from uuid import UUID
 
 from django.contrib.admin import AdminSite
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
@@ -9,7 +10,9 @@ from django.shortcuts import render
 from django.urls import URLPattern, path
 from django.views.decorators.cache import never_cache
 
+from experiments.access import Role
 from experiments.models import Study
+from experiments.research.study_access import study_for
 
 
 class StudyPages:
@@ -19,10 +22,20 @@ class StudyPages:
     opts: Any
 
     def study_path(
-        self, route: str, view: Callable[..., HttpResponseBase], name: str
+        self,
+        route: str,
+        view: Callable[..., HttpResponseBase],
+        name: str,
+        least: Role = "viewer",
     ) -> URLPattern:
-        """Return the address of a page for staff only that no cache keeps."""
-        guarded: Any = self.admin_site.admin_view(never_cache(view))
+        """Return the address of a page of a study, for staff with at least a role in it; no cache
+        keeps the page. The view gets the study.
+        """
+
+        def shown(request: HttpRequest, pk: UUID, **place: Any) -> HttpResponseBase:
+            return view(request, study_for(request, pk, least), **place)
+
+        guarded: Any = self.admin_site.admin_view(never_cache(shown))
         return path(f"<uuid:pk>/{route}", guarded, name=f"experiments_study_{name}")
 
     def study_page(

@@ -33,7 +33,6 @@ from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
-from experiments.research.study_access import study_for
 from robots.floorplans import plan_content
 from robots.models import FloorPlan
 from surveys.document_forms.part_form import MEANWHILE, SubmittedPart, number, pressed
@@ -131,9 +130,8 @@ class BuilderPages(StudyPages):
             self.study_path(f"{start}<int:index>/check/", self.check_view, "check"),
         ]
 
-    def section_view(self, request: HttpRequest, pk: Any, section: str) -> HttpResponse:
+    def section_view(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
         """Show or change a page of the study's own fields, or a list of its parts."""
-        row = study_for(request, pk, "viewer")
         if section in {*pages.PAGES, PLAN, DESIGN}:
             return self._form(request, row, BuilderPlace(section))
         if section not in {*LISTS, *INNER_LISTS} - {"factors"}:
@@ -144,12 +142,12 @@ class BuilderPages(StudyPages):
             return HttpResponseRedirect(address(row, BuilderPlace(section)))
         return self._render(request, row, BuilderPlace(section), _list_of(row, section))
 
-    def part_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> HttpResponse:
-        return self._form(request, study_for(request, pk, "viewer"), BuilderPlace(section, index))
+    def part_view(self, request: HttpRequest, row: Row, section: str, index: int) -> HttpResponse:
+        return self._form(request, row, BuilderPlace(section, index))
 
-    def check_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> JsonResponse:
+    def check_view(self, request: HttpRequest, row: Row, section: str, index: int) -> JsonResponse:
         """Return the problems of a course as it is on the page, saved or not."""
-        row, place = study_for(request, pk, "viewer"), BuilderPlace(section, index)
+        place = BuilderPlace(section, index)
         whole = whole_of(row)
         part = place.part(whole)
         if request.method != "POST" or section != "courses" or part is None:

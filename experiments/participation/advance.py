@@ -1,7 +1,5 @@
-"""Moving participants to the next step, and to the next visit.
-
-experiments/participation/journey.py has the order of the steps; the page of a step knows whether it
-was done for good. A place is changed only if it is still the one that was read.
+"""Moving participants to the next step, and to the next visit. A place is changed only if it is
+still the one that was read.
 """
 
 import datetime
@@ -38,10 +36,8 @@ def go_on(participant: Participant, here: JourneyPlace, now: datetime.datetime) 
 
 
 def following(participant: Participant, here: JourneyPlace) -> list[JourneyPlace]:
-    """Return the places that follow in a participant's visit.
-
-    Raises:
-        NoPlaceError: the place is not on their route.
+    """Return the places that follow in a participant's visit; a NoPlaceError for one that is not on
+    their route.
     """
     return journey.following(progress.route_of(participant), here, _skipped(participant))
 

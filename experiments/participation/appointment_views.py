@@ -44,7 +44,6 @@ class AddressForm(forms.Form):
 @require_http_methods(["GET", "HEAD", "POST"])
 @limited(BOOKINGS)
 def appointment(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Show the free times of a day, and book one."""
     study = progress.study_for(request.user, slug)
     participant = progress.found(study, request.user) if study is not None else None
     if participant is None:

@@ -91,10 +91,9 @@ def cells(study: StudyDefinition, access: Access = "open") -> tuple[Cell, ...]:
 
 def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     """Return orders in which each condition is equally often in each position, and equally often
-    after each other one.
-
-    Williams, "Experimental designs balanced for the estimation of residual effects of treatments",
-    1949: n orders when n is even; when it is odd, they and their reverses.
+    after each other one: n orders when n is even; when it is odd, they and their reverses
+    (Williams, "Experimental designs balanced for the estimation of residual effects of treatments",
+    1949).
     """
     count = len(keys)
     if count == 0:
@@ -122,14 +121,9 @@ def choose(
     seed: int,
     levels: Mapping[str, str] | None = None,
 ) -> AssignmentChoice | None:
-    """Return the cell for a new participant; None when all are full.
-
-    Args:
-        offered: the cells that they may get.
-        held: every place of the study that is, or was, held.
-        allocation: the study's rule.
-        seed: of the random numbers; to be new each time, and stored.
-        levels: the participant's level of each balance factor, by its item.
+    """Return the cell for a new participant; None when all are full. `held` has every place of the
+    study that is, or was, held; `levels` the participant's level of each balance factor, by its
+    item. `seed` is to be new each time, and stored.
     """
     held = list(held)
     taken = load(held)
@@ -149,7 +143,6 @@ def choose(
 
 
 def open_cells(offered: Sequence[Cell], taken: Mapping[str, int], quota: int | None) -> list[Cell]:
-    """Return the cells that are not full; `taken` counts the places of each."""
     return [cell for cell in offered if quota is None or taken[cell.key] < quota]
 
 
@@ -192,14 +185,10 @@ def stage_at_end(outcome: Outcome, refill: Refill, refilled: int) -> Stage:
 def stage_now(
     stage: Stage, *, conditions: int, done: int, is_gone: bool, knows_condition: bool = False
 ) -> Stage:
-    """Return the stage of a place as it counts now.
-
-    Args:
-        stage: as it is stored.
-        conditions: how many the participant is to do.
-        done: in how many of them they drove.
-        is_gone: whether they withdrew, or were not seen for as long as the study waits.
-        knows_condition: whether they learned of their condition before any video.
+    """Return the stage of a place as it counts now, of a participant who is to do a number of
+    `conditions` and drove in `done` of them; `is_gone` tells whether they withdrew, or were not
+    seen for as long as the study waits, `knows_condition` whether they learned of their condition
+    before any video.
     """
     is_taken = stage in {"under_way", "filled"}
     may_leave = conditions > 1 or knows_condition

@@ -104,7 +104,6 @@ def close(participant: Participant, status: str, ending: Ending, now: datetime.d
 
 
 def return_address(participant: Participant, ending: Ending | None = None) -> str:
-    """Return the recruitment site's address with the ending's code; empty without a site."""
     reached: Ending = ending or participant.completion
     given = codes(participant.study).get(reached, "") if ending else participant.completion_code
     recruiting = participant.study.as_definition().recruiting

@@ -17,8 +17,6 @@ MAX_AGE = 120
 
 
 class ConsentForm(forms.Form):
-    """The consent, and separately that to publishing; age and guardian where needed."""
-
     age = forms.IntegerField(
         label=_("Your age in years"),
         min_value=1,

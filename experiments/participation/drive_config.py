@@ -33,15 +33,9 @@ def guide(
     """Return the configuration of a drive in metres, radians and minutes; a practice drive has no
     checkpoints.
 
-    Args:
-        study: the definition.
-        step: the drive.
-        conditions: the participant's one, or before assignment all that it may become. What any of
-            them allows is allowed; a setting in which they differ is null, until the session's
-            terms decide it.
-        plan: of the conditions' site.
-        language: of the texts.
-        step_url: where the study continues after the drive.
+    Before the assignment, `conditions` are all that the participant may get: what any of them
+    allows is allowed, and a setting in which they differ is null, until the session's terms decide
+    it. `plan` is that of their site, `step_url` where the study continues after the drive.
 
     Raises:
         CourseError: the conditions have no course, or not the same one, on this plan.

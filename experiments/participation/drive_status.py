@@ -18,8 +18,6 @@ from sessions.models import Session
 
 @dataclass(frozen=True)
 class DriveStatus:
-    """The last session of a step; `unmoved` is one in which the robot did not move."""
-
     state: Literal["never", "living", "moved", "unmoved"] = "never"
     session: Session | None = None
     outcome: str = ""
@@ -64,7 +62,7 @@ def _of_drive(drive: Drive) -> DriveStatus:
 
 
 def _own_sessions(participant: Participant, place: JourneyPlace) -> Any:
-    """Sessions of the participant with a robot of the study since they arrived at a place."""
+    """Return the sessions of a participant with a robot of the study since they reached a place."""
     began = StepVisit.objects.filter(
         participant=participant, visit=place.visit, round=place.round, step=place.step
     ).values_list("began_at", flat=True)
@@ -78,15 +76,18 @@ def _own_sessions(participant: Participant, place: JourneyPlace) -> Any:
 
 
 def robots_of(conditions: tuple[Condition, ...]) -> list[Robot]:
-    """Return the robots in use that can drive one of these conditions."""
     wanted = {(condition.robot, condition.site) for condition in conditions}
     rows = Robot.objects.filter(enabled=True, practice=False, floor_plan__isnull=False)
     robots = rows.select_related("floor_plan").defer("floor_plan__image").order_by("name")
-    return [robot for robot in robots if (series_of(robot), robot.floor_plan.name) in wanted]
+    return [robot for robot in robots if kind_of(robot) in wanted]
+
+
+def kind_of(robot: Robot) -> tuple[str, str]:
+    """Return a robot's series and site, by which conditions name it; empty where unknown."""
+    return series_of(robot), robot.floor_plan.name if robot.floor_plan is not None else ""
 
 
 def series_of(robot: Robot) -> str:
-    """Return the series that a robot reports; empty before its first report."""
     factsheet = robot.presence.factsheet
     series = factsheet.get("series") if isinstance(factsheet, dict) else None
     return series if isinstance(series, str) else ""
@@ -127,7 +128,7 @@ def longest_wait(robots: Iterable[Robot], now: datetime.datetime) -> int:
     online = [robot for robot in robots if robot.shown_to_visitors and robot.is_online(now)]
     sessions, waits = living_sessions(online), dict[tuple[str, str], float]()
     for robot in online:
-        kind = series_of(robot), robot.floor_plan.name
+        kind = kind_of(robot)
         minutes = traffic_at(robot, sessions.get(robot.pk, []), now).minutes or 0.0
         waits[kind] = min(minutes, waits.get(kind, math.inf))
     return math.ceil(max(waits.values(), default=0.0))
@@ -136,7 +137,6 @@ def longest_wait(robots: Iterable[Robot], now: datetime.datetime) -> int:
 def _kind_wanted(
     participant: Participant, conditions: tuple[Condition, ...], now: datetime.datetime
 ) -> tuple[str, str]:
-    """Return series and site of the robot for a participant's round."""
     kinds = {(condition.robot, condition.site) for condition in conditions}
     if len(kinds) > 1:
         definition = participant.study.as_definition()

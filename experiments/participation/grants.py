@@ -32,9 +32,8 @@ from experiments.definition.step import DriveStep
 from experiments.models import Draw, Drive, Participant, ParticipantKind, Study
 from experiments.participation import assignment, places, progress
 from experiments.participation.assignment import Cell
-from experiments.participation.drive_status import series_of, status_at
+from experiments.participation.drive_status import kind_of, status_at
 from experiments.participation.robot_eligibility import may_use
-from experiments.recruitment import appointments
 from experiments.versions import versions_of
 from robots.access import may_operate
 from robots.api import floorplan
@@ -70,7 +69,6 @@ class PendingDrive:
 
     @property
     def cells(self) -> list[Cell]:
-        """The cells whose condition of this round is driven with the robot."""
         access, number = progress.access_of(self.participant), self.participant.round
         offered = []
         for cell in assignment.cells(self.definition, access):
@@ -81,9 +79,8 @@ class PendingDrive:
         return offered
 
     def why_not(self, now: datetime.datetime) -> str:
-        """Return why the participant may not drive now, as StudyTerms.why_not."""
         one = self.participant
-        if not progress.is_open(one.study, now) or not appointments.may_drive(one, now):
+        if not progress.may_begin_drive(one, now):
             return "closed"
         free = self.assigned or places.free_cells(one.study, one.kind, self.cells, now)
         if not free:
@@ -133,7 +130,6 @@ class StudyTerms:
         return pending_drive(user, robot) is not None
 
     def may_watch(self, user: User, session: str) -> bool:
-        """Tell whether a user is an owner or a researcher of the study; viewers may not."""
         slug = Drive.objects.filter(session=session).values_list("participant__study__slug").first()
         return slug is not None and may(user, slug[0], "researcher")
 
@@ -143,12 +139,10 @@ class StudyTerms:
 
 
 def is_for(condition: Condition, robot: Robot) -> bool:
-    """Tell whether a condition is driven with a robot at its site."""
     return (
         not robot.practice
-        and condition.robot == series_of(robot)
         and robot.floor_plan is not None
-        and condition.site == robot.floor_plan.name
+        and kind_of(robot) == (condition.robot, condition.site)
     )
 
 
@@ -180,10 +174,8 @@ def _pending_drives(user: User, robots: Sequence[Robot]) -> dict[Any, PendingDri
 
 def invited_to(user: User, robots: Sequence[Robot]) -> list[Robot]:
     """Return the robots that a study has invited the user to drive now
-    (robots.access.register_guest_list).
-
-    Called for every visitor to whom robots by invitation are shown: without an invitation it costs
-    one query, and reads no study.
+    (robots.access.register_guest_list). For the many visitors without an invitation it costs one
+    query, and reads no study.
     """
     own = progress.of_user(user).filter(status=Participant.Status.ACTIVE, access="invitation")
     if not own.exists():
@@ -200,8 +192,8 @@ def _unmet(drive: PendingDrive, now: datetime.datetime) -> str:
     robot = robots.get(pk=drive.robot.pk)
     if robot.floor_plan is None:
         return ""
-    kind = (series_of(robot), robot.floor_plan.name)
-    courses = (one for one in drive.definition.courses if (one.robot, one.site) == kind)
+    kind, definition = kind_of(robot), drive.definition
+    courses = (one for one in definition.courses if (one.robot, one.site) == kind)
     course = next(courses, None)
     docks = [
         dock
@@ -211,7 +203,7 @@ def _unmet(drive: PendingDrive, now: datetime.datetime) -> str:
     if len(docks) != 1:
         return ""  # the site has no course, which is the reason that the grant gives
     pose = Pose2D(docks[0]["x"], docks[0]["y"], docks[0].get("theta", 0.0))
-    return start_condition.unmet(drive.definition.start, _fresh_snapshot(robot, now), pose)
+    return start_condition.unmet(definition.start, _fresh_snapshot(robot, now), pose)
 
 
 def _fresh_snapshot(robot: Robot, now: datetime.datetime) -> start_condition.RobotSnapshot | None:
@@ -238,10 +230,8 @@ def draw(
     participant: Participant, cells: Sequence[Cell], now: datetime.datetime
 ) -> Condition | None:
     """Draw one of these cells for a participant, unless they have one, and return the condition of
-    their round; None when every cell is full.
-
-    Raises:
-        AssignmentContention: another participant was assigned during every attempt.
+    their round; None when every cell is full, AssignmentContention when other participants are
+    drawn during every attempt.
     """
     definition = participant.study.as_definition()
     for _ in range(ATTEMPTS):
@@ -263,7 +253,6 @@ def draw(
 
 
 def assign_reader(participant: Participant, now: datetime.datetime) -> Condition | None:
-    """Draw a cell for a participant who is about to read texts of some conditions only."""
     definition = participant.study.as_definition()
     cells = assignment.cells(definition, progress.access_of(participant))
     return draw(participant, cells, now)
@@ -388,10 +377,8 @@ def _begin(
 
 
 def _track(study: StudyDefinition, condition: Condition, robot: Robot) -> dict[str, Any]:
-    """Return the course as laid out now, for `Drive.assigned`.
-
-    Raises:
-        CourseError: the robot's site has no plan, or not the one that the course needs.
+    """Return the course as laid out now, for `Drive.assigned`; a CourseError when the robot's site
+    has no plan, or not the one that the course needs.
     """
     if robot.floor_plan is None or not robot.floor_plan.plan:
         raise CourseError(f"{robot.name} has no floor plan of its site")

@@ -42,11 +42,7 @@ Route = tuple[JourneyPlace, ...]
 
 
 def step_at(study: StudyDefinition, place: JourneyPlace) -> Step:
-    """Return the step at a place.
-
-    Raises:
-        NoPlaceError: the study has no such step.
-    """
+    """Return the step at a place; a NoPlaceError when the study has none."""
     found = study.step(place.step)
     if found is None:
         raise NoPlaceError(place.word)
@@ -76,17 +72,14 @@ def route(study: StudyDefinition, number_of_rounds: int, visit: int) -> Route:
 
 
 def begin(places: Route, skipped: Collection[str] = ()) -> JourneyPlace:
-    """Return where a visit begins: at its first step that is not skipped."""
     return next((place for place in places if place.step not in skipped), places[-1])
 
 
 def following(
     places: Route, place: JourneyPlace, skipped: Collection[str] = ()
 ) -> list[JourneyPlace]:
-    """Return the places that follow one; none when it was the last.
-
-    Raises:
-        NoPlaceError: the place is not on the route.
+    """Return the places that follow one, none when it was the last; a NoPlaceError for one that is
+    not on the route.
     """
     if place not in places:
         raise NoPlaceError(place.word)
@@ -94,10 +87,8 @@ def following(
 
 
 def read(word: str, places: Route) -> JourneyPlace:
-    """Return the place that a page sent back.
-
-    Raises:
-        NoPlaceError: it is none of this visit or an earlier one.
+    """Return the place that a page sent back; a NoPlaceError for one that is none of this visit or
+    an earlier one.
     """
     match = _WORD.match(word)
     if match is None:

@@ -2,7 +2,6 @@
 
 import datetime
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import groupby
 from typing import Any, Literal
 
@@ -36,28 +35,6 @@ Admission = Literal[
 _WEEK = 7
 
 
-@dataclass(frozen=True)
-class Landing:
-    """The front page of a study for one visitor. `minutes` is the maximal time of driving, `wait`
-    the maximal wait for a robot, in minutes, while others have the robots; `opens_at` is in the
-    study's time zone.
-    """
-
-    study: Study
-    definition: StudyDefinition
-    language: str
-    title: str
-    intro: str
-    minutes: int
-    wait: int
-    controllers: tuple[str, ...]
-    hours: list[str]
-    opens_at: datetime.datetime | None
-    admission: Admission
-    may_take_part_again: bool
-    is_recruited: bool
-
-
 def landing(
     study: Study,
     user: Any,
@@ -68,73 +45,56 @@ def landing(
     is_recruited: bool = False,
     language: str,
     now: datetime.datetime,
-) -> Landing:
-    """Return the front page of a study for one visitor.
-
-    Args:
-        study: the version that they see.
-        user: the user of the browser.
-        own: their participation.
-        known: that of another user with the id that their link names.
-        has_device: whether the study allows their device and browser.
-        is_recruited: whether their link names an id of a recruitment site.
-        language: of the visitor.
-        now: the time.
+) -> dict[str, Any]:
+    """Return the context `page` of the front page of a study for one visitor: `minutes` is the
+    maximal time of driving, `wait` the maximal wait for a robot, in minutes, while others have the
+    robots; `opens_at` is in the study's time zone. `own` is the visitor's participation, `known`
+    that of another user with the id of a recruitment site that their link names; `is_recruited`
+    tells whether it names one.
     """
     definition = study.as_definition()
-    spoken_in = progress.language_of(definition, language)
     if known is not None:
         is_guest = known.user is not None and known.user.is_guest
         admission: Admission = "recognized" if is_guest else "other_account"
     else:
         admission = _admission(study, user, own, now, has_device=has_device)
-    return Landing(
-        study,
-        definition,
-        spoken_in,
-        title=spoken(definition.title, spoken_in),
-        intro=spoken(definition.intro, spoken_in),
-        minutes=driving_minutes(definition),
-        wait=longest_wait(robots_of(_conditions_for(own, definition)), now),
-        controllers=controllers(definition),
-        hours=in_words(study.opening_hours),
-        opens_at=opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now),
-        admission=admission,
-        may_take_part_again=own is not None and may_take_part_again(own, now),
-        is_recruited=is_recruited,
-    )
+    return {
+        **_in_language(study, language, now),
+        "study": study,
+        "definition": definition,
+        "minutes": driving_minutes(definition),
+        "wait": longest_wait(robots_of(_conditions_for(own, definition)), now),
+        "controllers": controllers(definition),
+        "hours": in_words(study.opening_hours),
+        "admission": admission,
+        "may_take_part_again": own is not None and may_take_part_again(own, now),
+        "is_recruited": is_recruited,
+    }
+
+
+def invitations(language: str, now: datetime.datetime) -> list[dict[str, Any]]:
+    return [
+        {"slug": one.slug, "time_zone": one.time_zone, **_in_language(one, language, now)}
+        for one in progress.visible_studies(now)
+    ]
+
+
+def _in_language(study: Study, language: str, now: datetime.datetime) -> dict[str, Any]:
+    definition = study.as_definition()
+    spoken_in = progress.language_of(definition, language)
+    return {
+        "language": spoken_in,
+        "title": spoken(definition.title, spoken_in),
+        "intro": spoken(definition.intro, spoken_in),
+        "opens_at": opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now),
+    }
 
 
 def _conditions_for(own: Participant | None, definition: StudyDefinition) -> tuple[Condition, ...]:
-    """Return the conditions that a visitor may get."""
     if own is not None:
         return progress.open_conditions(own)
     is_open = tuple(one for one in definition.conditions if one.access == "open")
     return is_open or definition.conditions
-
-
-@dataclass(frozen=True)
-class StudyInvitation:
-    """A study on the home page; `opens_at` is by the clock of its `time_zone`."""
-
-    slug: str
-    title: str
-    intro: str
-    language: str
-    opens_at: datetime.datetime | None
-    time_zone: str
-
-
-def invitations(language: str, now: datetime.datetime) -> list[StudyInvitation]:
-    """Return the studies with open access, now or when they open."""
-    found = []
-    for study in progress.visible_studies(now):
-        definition = study.as_definition()
-        spoken_in = progress.language_of(definition, language)
-        texts = (spoken(definition.title, spoken_in), spoken(definition.intro, spoken_in))
-        at = opening_hours.opens_on_the_wall(study.opening_hours, study.time_zone, now)
-        found.append(StudyInvitation(study.slug, *texts, spoken_in, at, study.time_zone))
-    return found
 
 
 def _admission(
@@ -165,7 +125,7 @@ def may_take_part_again(participant: Participant, now: datetime.datetime) -> boo
     once, so its participants may only after a failure, or for a second session.
     """
     study, asked = participant.study, participant.study.as_definition().appointments
-    if study.status == Study.Status.CLOSED or not progress.is_open(study, now):
+    if not progress.is_open(study, now):
         return False
     has_second = asked is not None and asked.second_after_days is not None
     is_paid = bool(participant.recruitment_id) and participant.completion in {DONE, TIMED_OUT}
@@ -185,16 +145,16 @@ def controllers(definition: StudyDefinition) -> tuple[Controller, ...]:
 
 
 def in_words(hours: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return opening hours as lines to read."""
-    return [f"{_days(span['days'])}, {span['start']}–{span['end']}" for span in hours]
+    lines = []
+    for span in hours:
+        days = _("every day") if len(set(span["days"])) == _WEEK else days_in_words(span["days"])
+        lines.append(f"{days}, {span['start']}–{span['end']}")
+    return lines
 
 
-def _days(days: Sequence[int]) -> str:
+def days_in_words(days: Sequence[int], dash: str = "–") -> str:
     """Return days of the week, 0 is Monday, as text: `Mon–Wed, Fri`."""
-    ordered = sorted(set(days))
-    if len(ordered) == _WEEK:
-        return _("every day")
     # consecutive days keep their distance to their index
-    runs = groupby(enumerate(ordered), key=lambda pair: pair[1] - pair[0])
+    runs = groupby(enumerate(sorted(set(days))), key=lambda pair: pair[1] - pair[0])
     names = [[str(WEEKDAYS_ABBR[day]) for _, day in run] for _, run in runs]
-    return ", ".join(run[0] if len(run) == 1 else f"{run[0]}–{run[-1]}" for run in names)
+    return ", ".join(run[0] if len(run) == 1 else f"{run[0]}{dash}{run[-1]}" for run in names)

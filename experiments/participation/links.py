@@ -64,10 +64,7 @@ def revoke(link: PersonalLink, now: datetime.datetime) -> bool:
 
 def find(token: str, user: Any, now: datetime.datetime) -> PersonalLink:
     """Return the link of a token that this user can redeem or has redeemed, or that lets its guest
-    in again.
-
-    Raises:
-        LinkError: it cannot be used, or not by this user.
+    in again; a LinkError when it cannot be used, or not by this user.
     """
     rows = PersonalLink.objects.filter(token_sha256=hash_of(token))
     link = rows.select_related("study", "participant__user").first()
@@ -100,10 +97,8 @@ def _is_own(link: PersonalLink, user: Any) -> bool:
 
 
 def redeem(token: str, user: Any, *, language: str, now: datetime.datetime) -> Participant:
-    """Let the user take part by a link; a second call has the same result.
-
-    Raises:
-        LinkError: as `find`; also for the second of two users at the same moment.
+    """Let the user take part by a link; a second call has the same result. Raises a LinkError as
+    `find`, also for the second of two users at the same moment.
     """
     link = find(token, user, now)
     if link.participant is not None and _is_own(link, user):

@@ -58,7 +58,6 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
 def free_cells(
     study: Study, kind: str, cells: Sequence[Cell], now: datetime.datetime
 ) -> list[Cell]:
-    """Return those of the cells that a new participant of a kind can get."""
     taken = assignment.load(held(study, kind, now))
     return assignment.open_cells(cells, taken, study.as_definition().allocation.quota)
 

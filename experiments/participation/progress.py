@@ -22,7 +22,7 @@ from experiments.models import SCREENED_OUT, Participant, ParticipantKind, StepV
 from experiments.participation import assignment, completion, journey, places
 from experiments.participation.assignment import Access
 from experiments.participation.journey import JourneyPlace
-from experiments.recruitment import recognition
+from experiments.recruitment import appointments, recognition
 from surveys.documents import spoken
 
 Status = Participant.Status
@@ -37,7 +37,13 @@ def visible_studies(now: datetime.datetime) -> list[Study]:
 
 
 def is_open(study: Study, now: datetime.datetime) -> bool:
-    return opening_hours.is_open(study.opening_hours, study.time_zone, now)
+    return study.status != Study.Status.CLOSED and opening_hours.is_open(
+        study.opening_hours, study.time_zone, now
+    )
+
+
+def may_begin_drive(participant: Participant, now: datetime.datetime) -> bool:
+    return is_open(participant.study, now) and appointments.may_drive(participant, now)
 
 
 def is_member(user: Any, slug: str) -> bool:
@@ -154,7 +160,6 @@ def title_of(study: Study, wanted: str) -> str:
 def is_full(
     study: Study, access: Access, now: datetime.datetime, kind: str = ParticipantKind.PARTICIPANT
 ) -> bool:
-    """Tell whether no new participant with this access can get a place."""
     return not places.free_cells(study, kind, assignment.cells(study.as_definition(), access), now)
 
 
@@ -167,7 +172,6 @@ def step_of(participant: Participant) -> Step:
 
 
 def route_of(participant: Participant, visit: int | None = None) -> journey.Route:
-    """Return the places of a participant's current visit, or of another."""
     definition = participant.study.as_definition()
     number = len(participant.conditions) or journey.rounds(definition, access_of(participant))
     return journey.route(definition, number, visit or participant.visit)
@@ -185,7 +189,6 @@ def step_count(participant: Participant) -> tuple[int, int]:
 
 
 def access_of(participant: Participant) -> Access:
-    """Return a participant's access, which decides the cells that are open to them."""
     return "invitation" if participant.access == "invitation" else "open"
 
 
@@ -207,7 +210,6 @@ def keeps_place(participant: Participant) -> bool:
 
 
 def open_conditions(participant: Participant) -> tuple[Condition, ...]:
-    """Return the conditions that a participant may get in this round."""
     definition = participant.study.as_definition()
     assigned = wanted_condition(participant, definition)
     if assigned is not None:

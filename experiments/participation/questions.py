@@ -29,7 +29,6 @@ CONTEXT = "study"
 
 
 def context_of_all(participant: Participant) -> str:
-    """Return the prefix of the contexts of all of a participant's responses."""
     return f"{CONTEXT}/{participant.pk}/"
 
 
@@ -51,10 +50,8 @@ def is_answered(participant: Participant, place: JourneyPlace, step: AskingStep)
 
 
 def definition_of(step: AskingStep) -> Definition:
-    """Return the questionnaire of a step: a stored version, else one that comes with the site.
-
-    Raises:
-        Row.DoesNotExist: there is none.
+    """Return the questionnaire of a step: a stored version, else one that comes with the site;
+    Row.DoesNotExist when there is none.
     """
     row = _stored(step)
     if row is not None:
@@ -80,11 +77,8 @@ def ask(
     now: datetime.datetime,
 ) -> Response:
     """Return a participant's response at a place, begun at the first call; `robot` has the name and
-    the series of the one that was driven.
-
-    Raises:
-        Row.DoesNotExist: there is no such questionnaire.
-        BadDefinitionError: it is a template.
+    the series of the one that was driven. Raises Row.DoesNotExist without such a questionnaire,
+    BadDefinitionError for a template.
     """
     context = Context(
         key=context_key(participant, place, step),
@@ -128,7 +122,6 @@ def with_answers(participant: Participant, text: str, *, language: str) -> str:
 
 
 def _in_words(response: Response, item: str, language: str) -> str:
-    """Return an answer as text: the labels of chosen options, or the text that was entered."""
     question = response.questionnaire.as_definition().question(item)
     given = response.given().get(item)
     if question is None or given is None or given.value is None:
@@ -150,7 +143,6 @@ def outer_progress(response: Response, language: str) -> OuterProgress | None:
 
 
 def progress_around(participant: Participant, language: str) -> OuterProgress:
-    """Return the progress in the study around the questionnaire of a participant's step."""
     definition = participant.study.as_definition()
     spoken_in = progress.language_of(definition, language)
     number, total = progress.step_count(participant)

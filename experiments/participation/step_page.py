@@ -34,8 +34,6 @@ MAY_TRY_AGAIN = frozenset({LEFT, TECHNICAL_FAILURE})
 
 
 class StepPage:
-    """The page of a participant's current step."""
-
     # The kind's name in the study builder, a note above its form, and the fields of a new step
     # beside its key and title.
     label: ClassVar[str | Promise]
@@ -69,7 +67,6 @@ class StepPage:
         return progress.language_of(self.participant.study.as_definition(), request.LANGUAGE_CODE)
 
     def filled(self, text: Text, request: HttpRequest) -> str:
-        """Return a text of the study with the participant's earlier answers in it."""
         language = self.language(request)
         return questions.with_answers(self.participant, spoken(text, language), language=language)
 
@@ -130,8 +127,6 @@ class AskingPage(StepPage):
 
 
 class DrivePage(StepPage):
-    """The page before a drive."""
-
     @cached_property
     def done(self) -> DriveStatus:
         return status_at(self.participant, progress.place(self.participant))
@@ -140,7 +135,6 @@ class DrivePage(StepPage):
         return self.done.state == "moved"
 
     def may_do_without(self, now: datetime.datetime) -> bool:
-        """Tell whether the participant may go on without driving now."""
         if self.done.state == "living":
             return False
         if self.done.state == "unmoved" or self.participant.study.status == Study.Status.CLOSED:
@@ -195,7 +189,6 @@ class DrivePage(StepPage):
 def show_end(
     request: HttpRequest, participant: Participant, now: datetime.datetime
 ) -> HttpResponse:
-    """Return the last page, with the return to the recruitment site, or the code for it."""
     if not participant.completion:
         completion.conclude(participant, now)
     definition = participant.study.as_definition()

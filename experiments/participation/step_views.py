@@ -17,14 +17,14 @@ from django.views.decorators.http import require_http_methods, require_safe
 
 from experiments.definition.course import CourseError
 from experiments.definition.step import AskingStep
-from experiments.models import Participant, Study
+from experiments.models import Participant
 from experiments.participation import advance, completion, drive_config, journey, progress
 from experiments.participation.drive_status import robot_for, status_at
 from experiments.participation.step_page import render_in_frame, return_button, show_end, to_step
 from experiments.participation.steps import page_of
 from experiments.participation.views import BAD
 from experiments.publishing import sites
-from experiments.recruitment import appointments, screening
+from experiments.recruitment import screening
 from robots.access import may_drive
 from sessions.views import page_config
 
@@ -34,7 +34,6 @@ Status = Participant.Status
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def step(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Show the participant's step, or take their answer to it."""
     participant = _participant(request, slug)
     if participant is None:
         return redirect("study", slug)
@@ -92,7 +91,6 @@ def _catch_up(participant: Participant, now: datetime.datetime) -> None:
 @never_cache
 @require_safe
 def go_back(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Redirect a participant who has ended to the recruitment site, with the code of the ending."""
     participant = _participant(request, slug)
     if participant is None:
         return redirect("study", slug)
@@ -103,7 +101,6 @@ def go_back(request: HttpRequest, slug: str) -> HttpResponseBase:
 @never_cache
 @require_safe
 def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Show the drive page, with the study's configuration, to a participant who is to drive now."""
     participant, now = _participant(request, slug), timezone.now()
     if participant is None:
         return redirect("study", slug)
@@ -114,11 +111,7 @@ def drive(request: HttpRequest, slug: str) -> HttpResponseBase:
     robot, conditions = robot_for(participant, now)
     here = progress.place(participant)
     state = status_at(participant, here).state
-    may_begin = (
-        study.status != Study.Status.CLOSED
-        and progress.is_open(study, now)
-        and appointments.may_drive(participant, now)
-    )
+    may_begin = progress.may_begin_drive(participant, now)
     if robot is None or state == "moved" or not (may_begin or state == "living"):
         return to_step(participant)
     if not may_drive(request.user, robot):

@@ -39,8 +39,6 @@ LINKS = Attempts("study-link", limit=30)
 
 
 class EntryCodeForm(forms.Form):
-    """The code that a guest was shown when they began."""
-
     code = forms.CharField(
         label=gettext_lazy("Your code"),
         max_length=40,
@@ -53,7 +51,6 @@ class EntryCodeForm(forms.Form):
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def front(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Show what a study is and how to take part; a POST takes part, the first time or again."""
     study, now = progress.study_for(request.user, slug), timezone.now()
     if study is None:
         raise Http404
@@ -81,7 +78,7 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
         now=now,
     )
     if request.method == "POST":
-        if page.admission == "recognized" and known is not None:
+        if page["admission"] == "recognized" and known is not None:
             return _continue_as(request, known, given)
         return _take_part(request, study, own, page)
     context = {
@@ -96,15 +93,15 @@ def front(request: HttpRequest, slug: str) -> HttpResponseBase:
 
 
 def _take_part(
-    request: HttpRequest, study: Study, own: Participant | None, page: landing.Landing
+    request: HttpRequest, study: Study, own: Participant | None, page: dict[str, Any]
 ) -> HttpResponseBase:
-    now, user, admission = timezone.now(), request.user, page.admission
+    now, user, admission = timezone.now(), request.user, page["admission"]
     has_no_device = admission == "device" and request.POST.get("go") == "none"
     if admission == "stranger":
         return redirect(_sign_up(request))
     if admission == "anonymous" or (has_no_device and not _has_full_account(user)):
         return _take_part_as_guest(request, study, now, screens_out=has_no_device)
-    if admission == "finished" and own is not None and page.may_take_part_again:
+    if admission == "finished" and own is not None and page["may_take_part_again"]:
         advance.begin_next_visit(own, now)
     elif admission == "welcome" or has_no_device:
         participant = _enter(request, study, user, now)
@@ -196,7 +193,6 @@ def _sign_up(request: HttpRequest) -> str:
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def enter_code(request: HttpRequest) -> HttpResponseBase:
-    """Ask for the code of a guest; the right one leads to where they were."""
     address, at = address_of(request), time.time()
     if request.method != "POST":
         return render(request, "experiments/enter_code.html", {"form": EntryCodeForm()})
@@ -241,10 +237,8 @@ def _follow(
     request: HttpRequest, token: str, found: PersonalLink, now: datetime.datetime
 ) -> HttpResponseBase:
     """Let in the user of a link: the guest who used it before, a full account, or a new guest. Bots
-    make full accounts, whose names distinguish them.
-
-    Raises:
-        links.LinkError: another user has used it in the meantime.
+    make full accounts, whose names distinguish them. Raises a LinkError when another user has used
+    it in the meantime.
     """
     guest, language = found.guest, get_language() or ""
     if guest is not None:

@@ -1,10 +1,12 @@
 """The JSON API of a study: how many participants its versions have, and the state of participants
 with a recruitment id, for programs that approve and pay. docs/reference/json-api.md describes it.
 
-A key belongs to one study and to the researcher who made it. It is refused once that researcher may
-no longer see participants' ids.
+A key belongs to one study and to the researcher who made it. It is shown once and stored as a hash,
+and refused once that researcher may no longer see participants' ids.
 """
 
+import datetime
+import secrets
 import time
 from collections import Counter, defaultdict
 from typing import Any
@@ -17,14 +19,36 @@ from django.views.decorators.http import require_safe
 from accounts import audit
 from accounts.attempts import Attempts, address_of
 from accounts.json_api import VERSION, problem, too_many
+from accounts.tokens import hash_of
 from experiments.access import may
-from experiments.models import Participant, ParticipantKind, Study
-from experiments.recruitment.keys import key_of
+from experiments.models import Participant, ParticipantKind, Study, StudyKey
 from experiments.recruitment.payments import minutes_of
 
 READ = Attempts("study-api-read", limit=120)
 REFUSED = Attempts("study-api-refused", limit=20)
 MAX_LISTED = 1000
+TOKEN_BYTES, MAX_LENGTH = 32, 128
+USE_STEP = datetime.timedelta(minutes=1)  # the precision of `last_used_at`
+
+
+def make_key(slug: str, label: str, user: Any, now: datetime.datetime) -> str:
+    """Return a new key for a study; an IntegrityError when it has one of this label."""
+    key = secrets.token_urlsafe(TOKEN_BYTES)
+    row = StudyKey(slug=slug, label=label, token_sha256=hash_of(key), made_at=now, made_by=user)
+    row.save(force_insert=True)
+    return key
+
+
+def key_of(header: str, now: datetime.datetime) -> StudyKey | None:
+    """Return the key of an Authorization header and note its use; None for anything else."""
+    scheme, _, given = header.partition(" ")
+    if scheme.lower() != "bearer" or len(given) > MAX_LENGTH:
+        return None
+    rows = StudyKey.objects.select_related("made_by")
+    found = rows.filter(token_sha256=hash_of(given.strip())).first()
+    if found is not None and (found.last_used_at is None or now - found.last_used_at >= USE_STEP):
+        StudyKey.objects.filter(pk=found.pk).update(last_used_at=now)
+    return found
 
 
 def _refusal(request: HttpRequest, slug: str) -> JsonResponse | None:

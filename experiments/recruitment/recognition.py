@@ -66,7 +66,6 @@ def note_submission(participant: Participant, parameters: Mapping[str, str]) -> 
 
 
 def is_someone_else(participant: Participant, came: Arrival) -> bool:
-    """Tell whether a link has the id of another person than the participant of this browser."""
     own = participant.recruitment_id
     return bool(came.identifier and own and own != came.identifier)
 
@@ -77,7 +76,3 @@ def note_sign_in(session: Any, participant: Participant, came: Arrival) -> None:
         session.pop(BY_ID_ALONE, None)
     else:
         session[BY_ID_ALONE] = True
-
-
-def was_by_id_alone(session: Any) -> bool:
-    return bool(session.get(BY_ID_ALONE))

@@ -62,7 +62,6 @@ def _invite(now: datetime.datetime) -> Iterator[bool]:
 
 
 def clear(now: datetime.datetime) -> None:
-    """Delete the addresses for which no e-mail will be due."""
     due = Appointment.objects.filter(ends_at__gt=now).values("participant_id")
     waits = Q(participant__status=Status.ACTIVE, participant__seen_at__gt=now - KEPT_FOR)
     Contact.objects.filter(invite_at=None).exclude(participant__in=due).exclude(waits).delete()
@@ -110,7 +109,6 @@ def _subject_and_text(
 
 
 def stop(token: str) -> None:
-    """Delete the address to which an e-mail with this token was sent."""
     Contact.objects.filter(token=token).delete()
 
 

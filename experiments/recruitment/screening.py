@@ -14,9 +14,8 @@ Status = Participant.Status
 
 
 def device_kind(device: Mapping[str, Any]) -> str:
-    """Return the kind of a device (sessions.devices.device_of): computer, tablet or phone.
-
-    An iPad whose browser asks for desktop pages says that it is a Mac and counts as a computer.
+    """Return the kind of a device (sessions.devices.device_of): computer, tablet or phone. An iPad
+    whose browser asks for desktop pages says that it is a Mac and counts as a computer.
     """
     if "iPad" in device["user_agent"] or (device["os"] == "Android" and not device["mobile"]):
         return "tablet"

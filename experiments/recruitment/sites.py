@@ -121,7 +121,6 @@ def return_address(
 
 
 def study_link(recruiting: Recruiting | None, address: str) -> str:
-    """Return the link to enter at the recruitment site, with its placeholders."""
     site = (recruiting or ANY).site
     query = PROFILES[site].query if site in PROFILES else ""
     return f"{address}?{query}" if query else address

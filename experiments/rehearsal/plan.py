@@ -44,11 +44,9 @@ def problems(study: StudyDefinition) -> list[str]:
 
 
 def expected_minutes(study: StudyDefinition, cores: int) -> int:
-    """Return about how long it takes on an idle computer, rounded up.
-
-    A limit usually leaves people a multiple of their time, and people need a multiple of a bot's.
-    Two bots drive at a time where there are two robots, and time goes as fast as the processor can
-    follow.
+    """Return about how long it takes on an idle computer, rounded up. A limit usually leaves people
+    a multiple of their time, and people need a multiple of a bot's. Two bots drive at a time where
+    there are two robots, and time goes as fast as the processor can follow.
     """
     limit = study.task.minutes if study.task is not None else 0.0
     robots = {(condition.robot, condition.site) for condition in study.conditions}

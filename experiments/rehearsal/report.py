@@ -8,7 +8,7 @@ import math
 import statistics
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from itertools import chain
 from typing import Any
 
@@ -69,7 +69,6 @@ class Issue:
         return (PROBLEMS | NOTES)[self.kind]
 
     def sentence(self) -> str:
-        """Return the sentence in English, for the command."""
         sentence = self.template % self.values
         return f"Condition {self.condition}: {sentence}" if self.condition else sentence
 
@@ -123,9 +122,6 @@ class RehearsalReport:
     empty_columns: list[str] = field(default_factory=list)
     drawn: list[str] = field(default_factory=list)
     power: list[dict[str, float]] = field(default_factory=list)
-
-    def as_data(self) -> dict[str, Any]:
-        return asdict(self)
 
 
 @dataclass(frozen=True)
@@ -243,7 +239,6 @@ def _minutes(words: int, questions: int) -> float:
 def _whole(
     diaries: Sequence[Diary], conditions: Sequence[ConditionReport], study: StudyDefinition
 ) -> float:
-    """Return the minutes that a person needs from the link to the code."""
     through = [diary for diary in diaries if diary.code and diary.ending == "completes"]
     if not through:
         return 0.0

@@ -7,6 +7,7 @@ page changes its row; the process notices this when it signs.
 """
 
 import datetime
+from dataclasses import asdict
 from typing import Any
 from uuid import UUID
 
@@ -40,10 +41,8 @@ def latest(study: Study) -> Rehearsal | None:
 
 
 def request(study: Study, now: datetime.datetime) -> Rehearsal:
-    """Ask for a rehearsal of a study.
-
-    Raises:
-        AlreadyRehearsedError: one waits or runs; of simultaneous requests, one succeeds.
+    """Ask for a rehearsal of a study; an AlreadyRehearsedError when one waits or runs. Of
+    simultaneous requests, one succeeds.
     """
     for row in Rehearsal.objects.filter(live_key=str(study.pk)):
         if is_lost(row, now):
@@ -69,11 +68,7 @@ def take_next(host: str, now: datetime.datetime) -> Rehearsal | None:
 
 
 def begin(study: Study, host: str, now: datetime.datetime) -> Rehearsal:
-    """Begin a rehearsal of a study, or the one that waits.
-
-    Raises:
-        AlreadyRehearsedError: one runs.
-    """
+    """Begin a rehearsal, or the one that waits; an AlreadyRehearsedError when one runs."""
     key = str(study.pk)
     row = Rehearsal.objects.filter(live_key=key, status=Status.WAITING).first()
     row = row or request(study, now)
@@ -90,17 +85,15 @@ def sign(key: UUID, now: datetime.datetime, **changes: Any) -> bool:
 
 def finish(key: UUID, report: RehearsalReport) -> bool:
     """Keep what was found; False when the rehearsal was ended before."""
-    return _end(key, Status.DONE, report=report.as_data(), passed=report.passed)
+    return _end(key, Status.DONE, report=asdict(report), passed=report.passed)
 
 
 def fail(key: UUID, reason: str) -> bool:
-    """Keep why nothing could be found; False when the rehearsal was ended before."""
     report = {"problems": [reason], "passed": False}
     return _end(key, Status.FAILED, report=report, reason=reason)
 
 
 def stop(key: UUID, user: Any) -> bool:
-    """End a rehearsal for a user; False when it was ended before."""
     return _end(key, Status.STOPPED, ended_by=user)
 
 

@@ -106,11 +106,9 @@ def found(study: Study, key: str) -> Stored | None:
 
 def report_for(study: Study, kinds: Sequence[Kind], followed: str = "") -> Stored | Computing:
     """Return the report on the present data, or the progress of its computation, which is started
-    if necessary. A page that shows or waits for a report names its key (`followed`), so that it
-    does not change while participants take part.
-
-    Raises:
-        NotComputedError: it could not be computed; the next call tries again.
+    if necessary; a NotComputedError when it failed, and the next call tries again. A page that
+    shows or waits for a report names its key (`followed`), so that it does not change while
+    participants take part.
     """
     if followed.isalnum() and (known := _known(study, followed)):
         return known

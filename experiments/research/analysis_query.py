@@ -41,10 +41,8 @@ class AnalysisQuery:
 
 
 def asked_of(request: HttpRequest, slug: str) -> AnalysisQuery:
-    """Return the query of a request; without a version that of the newest published one.
-
-    Raises:
-        Http404: there is no such version.
+    """Return the query of a request; without a version that of the newest published one, and
+    Http404 for an unknown one.
     """
     given = request.GET.getlist("kind")
     kinds = tuple(kind for kind in get_args(Kind) if kind in given) or ("participant",)

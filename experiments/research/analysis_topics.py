@@ -27,7 +27,6 @@ class AnalysisTopic:
         return [one for _place, one in sorted(mine, key=lambda pair: pair[0])]
 
     def place_of(self, name: str) -> int | None:
-        """Return the place of a figure or table; None if it does not belong here."""
         for place, known in enumerate(self.names.split()):
             if name == known or (known.endswith("-") and name.startswith(known)):
                 return place
@@ -57,11 +56,7 @@ TOPICS = (
 
 
 def topic_of(name: str) -> AnalysisTopic:
-    """Return the topic of a figure or table.
-
-    Raises:
-        LookupError: it belongs to none.
-    """
+    """Return the topic of a figure or table; a LookupError when it belongs to none."""
     for topic in TOPICS:
         if topic.place_of(name) is not None:
             return topic

@@ -16,7 +16,7 @@ from django.utils.translation import gettext, gettext_lazy
 from django.views.decorators.http import require_safe
 
 from experiments.extraction.pseudonyms import Pseudonyms
-from experiments.models import Drive, ParticipantKind, Study
+from experiments.models import Drive, ParticipantKind
 from experiments.research import analysis_cache
 from experiments.research.analysis_cache import Computing, NotComputedError, Stored
 from experiments.research.analysis_query import AnalysisQuery, asked_of, versions_of
@@ -91,12 +91,7 @@ def _computing(
     request: HttpRequest, asked: AnalysisQuery, topic: AnalysisTopic, computing: Computing
 ) -> HttpResponse:
     """Show how far a report is; the page asks for itself again until the report is there."""
-    context = {
-        "asked": asked,
-        "study": asked.study,
-        "topic": topic,
-        "progress": computing.progress,
-    }
+    context = {"asked": asked, "study": asked.study, "topic": topic, "progress": computing.progress}
     answer = render(request, "experiments/analysis/computing.html", context, status=202)
     answer["Refresh"] = f"{REFRESH_S}; url={_page_of(asked, topic)}"
     return answer
@@ -190,10 +185,8 @@ def table(request: HttpRequest, slug: str, name: str) -> HttpResponse:
 
 
 def _stored(request: HttpRequest, slug: str) -> tuple[AnalysisQuery, Stored]:
-    """Return the query of a page, and the report that it was made of.
-
-    Raises:
-        Http404: the report was deleted, and its numbers lead nowhere.
+    """Return the query of a page, and the report that it was made of; Http404 when that was
+    deleted: its numbers lead nowhere.
     """
     asked = asked_of(request, slug)
     key = asked.report or analysis_cache.key_of(asked.study, asked.kinds)
@@ -210,7 +203,9 @@ def sessions(request: HttpRequest, slug: str, number: int) -> HttpResponse:
     known = stored.read(asked.selection, "summary")["sessions"]
     if number >= len(sets):
         raise Http404
-    keys = _keys(asked.study)
+    names = Pseudonyms(asked.study.secret)
+    drives = Drive.objects.filter(participant__study=asked.study)
+    keys = {names.session(key): key for key in drives.values_list("session_id", flat=True)}
     rows = [
         known[code]
         | {
@@ -225,12 +220,6 @@ def sessions(request: HttpRequest, slug: str, number: int) -> HttpResponse:
     people = len({row["participant"] for row in rows})
     context = _about(asked, stored) | {"rows": rows, "people": people}
     return render(request, "experiments/analysis/sessions.html", context)
-
-
-def _keys(study: Study) -> dict[str, UUID]:
-    names = Pseudonyms(study.secret)
-    rows = Drive.objects.filter(participant__study=study).values_list("session_id", flat=True)
-    return {names.session(key): key for key in rows}
 
 
 def _replays(session: UUID, about: dict[str, Any]) -> list[tuple[str, str]]:

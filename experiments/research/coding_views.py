@@ -44,8 +44,6 @@ ROWS_A_PAGE = 100
 MAX_FILE = 5 * 1024 * 1024
 EVENT_FIELDS = ("version", "code", "begin", "end", "modifiers", "comment")
 
-# --- a study's sessions ---------------------------------------------------------------------------
-
 
 @never_cache
 @require_safe
@@ -131,15 +129,10 @@ def _study_address(study: Study) -> str:
     return f"{reverse('study_coding', args=[study.slug])}?version={study.version}"
 
 
-# --- a session ------------------------------------------------------------------------------------
-
-
 def _session_to_code(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchemeVersion]:
     """Return the drive of a session and the scheme by which it is coded: the newest, or the one
-    that `scheme` names, with which a page was opened earlier.
-
-    Raises:
-        Http404: there is none, or it is not for this user.
+    that `scheme` names, with which a page was opened earlier; Http404 when there is none, or it is
+    not for this user.
     """
     drive = drive_to_code(request.user, session)
     study, wanted = drive.participant.study, request.GET.get("scheme", "")
@@ -243,7 +236,6 @@ def save(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
 @require_POST
 @limited(SAVES, json=True)
 def done(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    """Mark the coder's coding as done, or with `again` as not done."""
     drive, row = _session_to_code(request, session)
     now, found, status = timezone.now(), {}, 200
     coding = store.begin(drive, row, request.user, now)
@@ -262,14 +254,10 @@ def _duration(drive: Drive) -> float:
     return float(replay(drive.session, drive)["duration"])
 
 
-# --- files ----------------------------------------------------------------------------------------
-
-
 @never_cache
 @require_safe
 @limited(FILES, reading=True)
 def download(request: HttpRequest, session: uuid.UUID, kind: str) -> HttpResponse:
-    """Answer with the coder's own coding as a file of ELAN or of BORIS."""
     drive, row = _session_to_code(request, session)
     coding = store.coding_of(session, row, request.user)
     name = Pseudonyms(drive.participant.study.secret).session(session)

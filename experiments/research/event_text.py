@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy, pgettext_lazy
+from django.utils.translation import gettext_lazy, gettext_noop, pgettext_lazy
 
 from accounts.models import GUEST_NAMES
 from robots.readiness_text import in_words as readiness
@@ -77,27 +77,22 @@ CUES = {
     "timed_out": gettext_lazy("out of time"),
     "ended": gettext_lazy("ended"),
 }
+# Values that are their own text.
+PLAIN_VALUES = (
+    *(gettext_noop("repeated"), gettext_noop("late"), gettext_noop("keyboard")),
+    *(gettext_noop("mouse"), gettext_noop("touch"), gettext_noop("stick"), gettext_noop("gamepad")),
+    *(gettext_noop("open"), gettext_noop("server"), gettext_noop("keep"), gettext_noop("skip")),
+    *(gettext_noop("wide"), gettext_noop("upright"), gettext_noop("low"), gettext_noop("camera")),
+    *(gettext_noop("microphone"), gettext_noop("dock"), gettext_noop("undock")),
+    *(gettext_noop("photo"), gettext_noop("left"), gettext_noop("right"), gettext_noop("front")),
+    gettext_noop("rear"),
+)
 VALUES = {
+    **{value: gettext_lazy(value) for value in PLAIN_VALUES},
     "out_of_order": gettext_lazy("out of order"),
-    "repeated": gettext_lazy("repeated"),
-    "late": gettext_lazy("late"),
-    "keyboard": gettext_lazy("keyboard"),
-    "mouse": gettext_lazy("mouse"),
-    "touch": gettext_lazy("touch"),
-    "stick": gettext_lazy("stick"),
-    "gamepad": gettext_lazy("gamepad"),
-    "open": gettext_lazy("open"),
     "closed": pgettext_lazy("a door", "closed"),
     "direct": gettext_lazy("direct connection"),
-    "server": gettext_lazy("server"),
-    "keep": gettext_lazy("keep"),
     "again": gettext_lazy("retake"),
-    "skip": gettext_lazy("skip"),
-    "wide": gettext_lazy("wide"),
-    "upright": gettext_lazy("upright"),
-    "low": gettext_lazy("low"),
-    "camera": gettext_lazy("camera"),
-    "microphone": gettext_lazy("microphone"),
     "granted": gettext_lazy("allowed"),
     "denied": gettext_lazy("blocked"),
     "prompt": gettext_lazy("not asked yet"),
@@ -108,14 +103,7 @@ VALUES = {
     "CANCELLED": gettext_lazy("cancelled"),
     "goto": gettext_lazy("drive to a point"),
     "follow": gettext_lazy("follow a route"),
-    "dock": gettext_lazy("dock"),
-    "undock": gettext_lazy("undock"),
     "tilt": gettext_lazy("tilt the head"),
-    "photo": gettext_lazy("photo"),
-    "left": gettext_lazy("left"),
-    "right": gettext_lazy("right"),
-    "front": gettext_lazy("front"),
-    "rear": gettext_lazy("rear"),
 }
 _KEY = re.compile(r"[A-Za-z0-9]+([_.-][A-Za-z0-9]+)+")
 
@@ -152,12 +140,9 @@ def _value_text(value: Any, field: str = "") -> str:
     if isinstance(value, int | float):
         number = f"{value:.3g}" if value % 1 else f"{value:.0f}"
         return f"{number} {UNITS.get(field, '')}".rstrip()
-    return _reason(str(value)) if field == "reason" else _word(str(value))
-
-
-def _reason(text: str) -> str:
-    """Return a reason in words; of a robot that is not ready, what it waits for."""
-    return readiness(text.removeprefix(f"{terms.START}: ")) if text else ""
+    if field == "reason":  # of a robot that is not ready, what it waits for
+        return readiness(str(value).removeprefix(f"{terms.START}: ")) if value else ""
+    return _word(str(value))
 
 
 def _word(text: str) -> str:

@@ -21,14 +21,9 @@ _INHERITED = {"stroke-linejoin": "round", "stroke-linecap": "butt"}
 def linked(
     svg: bytes, name: str, title: str, address: Callable[[str], str], called: Callable[[int], str]
 ) -> str:
-    """Return an SVG for a page.
-
-    Args:
-        svg: a figure written by experiments.analysis.figures.drawing; no other file is safe.
-        name: of the figure, the prefix of every id.
-        title: what it shows, for screen readers.
-        address: gives the address behind a part by its id, or nothing.
-        called: names the nth link, from 1, for screen readers.
+    """Return an SVG for a page. It must come from experiments.analysis.figures.drawing: no other
+    file is safe. `name` is the prefix of every id; `address` gives the address behind a part by its
+    id, or nothing; screen readers read `title`, and of the nth link, from 1, what `called` returns.
     """
     ET.register_namespace("", SVG)
     ET.register_namespace("xlink", XLINK)

@@ -78,7 +78,6 @@ def _send(row: Study, invitation: ResearcherInvitation, address: str) -> bool:
 @require_http_methods(["GET", "HEAD", "POST"])
 @limited(LINKS, reading=True, refusals={GONE})
 def invitation(request: HttpRequest, token: str) -> HttpResponse:
-    """Show an invitation; a POST of a user with an account accepts it."""
     now = timezone.now()
     found = ResearcherInvitation.objects.filter(token_sha256=hash_of(token)).first()
     study = Study.objects.filter(slug=found.slug).first() if found is not None else None

@@ -1,7 +1,8 @@
 """The live view of a study: participants, robots and drives, read every two seconds with a fixed
 number of queries.
 
-Participants appear by their codes. `heard` is the age of a robot's report; unknown values are None.
+Participants have their codes instead of names. `heard` is the age of a robot's report in seconds.
+Unknown values are None.
 """
 
 import datetime
@@ -15,6 +16,7 @@ from experiments.definition.course import CourseError
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from experiments.participation.drive_config import ground
+from experiments.participation.drive_status import kind_of
 from experiments.participation.robot_eligibility import may_see
 from experiments.stored_states import newest_chunk
 from robots.api import floorplan
@@ -66,10 +68,9 @@ def current_version(rows: Sequence[Study]) -> Study:
 
 
 def _use_of(robot: Robot, study: StudyDefinition | None) -> str:
-    """Return who may drive a robot in a version of a study: an element of USES."""
     conditions = study.conditions if study is not None else ()
-    place = _place(robot)
-    accesses = {one.access for one in conditions if (one.robot, one.site) == place}
+    kind = kind_of(robot)
+    accesses = {one.access for one in conditions if (one.robot, one.site) == kind}
     return next((use for use in USES if use in accesses), USES[-1])
 
 
@@ -92,7 +93,7 @@ def _robots(
     return [
         robot
         for robot in rows
-        if robot.pk in in_use or (_place(robot) in wanted and may_see(slug, robot))
+        if robot.pk in in_use or (kind_of(robot) in wanted and may_see(slug, robot))
     ]
 
 
@@ -108,7 +109,7 @@ def courses_of(slug: str, robots: Sequence[Robot]) -> dict[str, dict[int, dict[s
 
 
 def _drawn(study: StudyDefinition, robot: Robot) -> dict[str, Any] | None:
-    course = next((one for one in study.courses if (one.robot, one.site) == _place(robot)), None)
+    course = next((one for one in study.courses if (one.robot, one.site) == kind_of(robot)), None)
     if course is None or robot.floor_plan is None:
         return None
     try:
@@ -116,11 +117,6 @@ def _drawn(study: StudyDefinition, robot: Robot) -> dict[str, Any] | None:
         return ground(course, plan, page_language())
     except (floorplan.FloorPlanError, CourseError):
         return None
-
-
-def _place(robot: Robot) -> tuple[str, str]:
-    series = (robot.presence.factsheet or {}).get("series", "")
-    return series, robot.floor_plan.name if robot.floor_plan else ""
 
 
 def page_language() -> str:

@@ -28,7 +28,6 @@ MAIL_SECONDS = 5.0  # that a mail server may keep the session manager waiting
 
 
 def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: Any) -> None:
-    """Tell the researchers of every open study that uses a robot that its queue is paused."""
     if reason == "stopped":  # it waits at its place, and takes visitors
         return
     subject = _("%(study)s: the queue for %(robot)s is paused")
@@ -45,7 +44,6 @@ def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: 
 def publish_not_ready(
     *, robot: Robot, session: Session, reason: str, at: datetime.datetime, **_more: Any
 ) -> None:
-    """Tell the researchers of a participant's study that they wait, and what the robot lacks."""
     drive = pending_drive(session.visitor, robot)
     if drive is None:
         return
@@ -96,7 +94,6 @@ def mail_to_owner(_request: HttpRequest, robot: Robot) -> str:
 
 
 def _send(study: Study, subject: str, text: str, values: dict[str, Any]) -> None:
-    """Send a mail to those who can help; `values` fill in its subject and text."""
     addresses = addresses_of(study)
     if not addresses:
         return

@@ -47,7 +47,6 @@ STORED = StateReader(Recorded)
 
 
 def replay(session: Session, drive: Drive | None) -> dict[str, Any]:
-    """Return the record of a session: see docs/reference/replay.md."""
     begin = (session.granted_at or session.queued_at).timestamp()
     offsets = {"robot": robot_offset(session.pk), "page": page_offset(session.pk)}
     found = recorded(session, begin + offsets["robot"])
@@ -122,8 +121,8 @@ def _command_rows(
     for command in applied:
         before = min(1.0, max(0.0, applied[-1].stamp - command.stamp))
         method = words.setdefault(command.method, len(words))
-        way = words.setdefault(command.way, len(words))
-        yield max(0.0, at - before), command.linear, command.angular, method, way, command.age
+        route = words.setdefault(command.way, len(words))
+        yield max(0.0, at - before), command.linear, command.angular, method, route, command.age
 
 
 def _columns(decimals: dict[str, int], rows: list[tuple[Any, ...]]) -> dict[str, list[Any]]:

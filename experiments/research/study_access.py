@@ -31,16 +31,14 @@ def slugs_of(user: Any) -> "QuerySet[StudyMember, str]":
     return members.values_list("slug", flat=True)
 
 
-def shown_time(at: datetime.datetime | None) -> str:
+def shown_time(at: datetime.datetime | None, clock: str = "%H:%M") -> str:
     """Return a time as pages of studies show it, "2026-11-27 13:36 CET"; a dash for none."""
-    return "–" if at is None else f"{timezone.localtime(at):%Y-%m-%d %H:%M %Z}"
+    return "–" if at is None else timezone.localtime(at).strftime(f"%Y-%m-%d {clock} %Z")
 
 
 def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:
-    """Return a study for a page.
-
-    Raises:
-        Http404: there is none, or the user's role in it is below `least`.
+    """Return a study for a page; Http404 when there is none, or the user's role in it is below
+    `least`.
     """
     row = Study.objects.filter(pk=pk).first()
     if row is None or not may(request.user, row.slug, least):
@@ -50,9 +48,7 @@ def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:
 
 def version_of(slug: str, wanted: str) -> Study:
     """Return a version of a study; with no number wanted the newest published one, else the newest.
-
-    Raises:
-        Http404: there is none.
+    Http404 when there is none.
     """
     rows = Study.objects.filter(slug=slug).order_by("-version")
     if wanted:

@@ -27,8 +27,6 @@ from sessions.models import Session
 
 LIVE, ACTS = Attempts("live", limit=240), Attempts("live-act", limit=60)
 
-# --- live -----------------------------------------------------------------------------------------
-
 
 @viewer_page
 def live_page(request: HttpRequest, slug: str) -> HttpResponse:
@@ -84,10 +82,8 @@ def live_act(request: HttpRequest, slug: str) -> JsonResponse:
 
 
 def _act_on_robot(request: HttpRequest, slug: str, act: str, text: str) -> str:
-    """Pause or resume a robot's queue; return a problem, or "".
-
-    Raises:
-        Http404: there is no such robot for this user.
+    """Pause or resume a robot's queue; return a problem, or "". Http404 when there is no such robot
+    for this user.
     """
     name, user = request.POST.get("robot"), request.user
     robot = next((robot for robot in live.robots_of(slug) if robot.name == name), None)
@@ -101,10 +97,8 @@ def _act_on_robot(request: HttpRequest, slug: str, act: str, text: str) -> str:
 
 
 def _act_on_session(request: HttpRequest, slug: str, act: str, text: str) -> str:
-    """End a session, or send a message to its page; return a problem, or "".
-
-    Raises:
-        Http404: there is no such session.
+    """End a session, or send a message to its page; return a problem, or "". Http404 when there is
+    none.
     """
     try:
         key = uuid.UUID(request.POST.get("session", ""))
@@ -119,9 +113,6 @@ def _act_on_session(request: HttpRequest, slug: str, act: str, text: str) -> str
     if act == "message" and not interventions.send_message(*given):
         return _("The message could not be sent. Try again.")
     return ""
-
-
-# --- replay ---------------------------------------------------------------------------------------
 
 
 @never_cache
@@ -158,7 +149,6 @@ def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
 
 
 def _outcome(session: Session, drive: Drive | None) -> str:
-    """Return how the task ended, or the session, or else the session's state."""
     outcome = (drive.outcome if drive is not None else "") or session.outcome
     return str(dict(Session.Outcome.choices).get(outcome) or session.get_state_display())
 

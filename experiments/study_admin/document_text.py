@@ -6,13 +6,13 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from django.utils import timezone
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from experiments.builder.labels import CHOICES, GUIDE, LABELS, Words
+from experiments.research.study_access import shown_time
 from robots.admin import NOTHING
 
 Written = Callable[[Any], str]
@@ -23,7 +23,7 @@ def _unit(unit: str, digits: int = 2, factor: float = 1.0) -> Written:
 
 
 def time_text(at: datetime.datetime | None) -> str:
-    return timezone.localtime(at).strftime("%Y-%m-%d %H:%M:%S %Z") if at is not None else NOTHING
+    return shown_time(at, "%H:%M:%S")
 
 
 def _clock(stamp: float) -> str:
@@ -88,12 +88,10 @@ RECORDED: dict[str, tuple[Words, Written]] = {
 
 
 def assigned_in_words(assigned: dict[str, Any]) -> str | SafeString:
-    """Return the condition that was assigned, and below it the whole as it is stored."""
     return _listed({"condition": assigned.get("condition")}, assigned, {})
 
 
 def recorded_in_words(content: dict[str, Any]) -> str | SafeString:
-    """Return what a drive's record says, and below it the whole as it is stored."""
     shown = dict(content)
     if shown.get("started") is not None:
         # the engine stores Unix times; how long they took is what a reader compares

@@ -3,8 +3,8 @@
 from typing import Any
 
 from django.contrib import admin, messages
-from django.http import Http404, HttpRequest, HttpResponse
-from django.shortcuts import redirect, render
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
 from django.urls import URLPattern
 from django.utils import timezone
 from django.utils.translation import gettext
@@ -12,7 +12,6 @@ from django.utils.translation import gettext_lazy as _
 
 from accounts import audit
 from experiments import publishing
-from experiments.access import may
 from experiments.builder.labels import GUIDE
 from experiments.models import Drive
 from experiments.study_admin.document_text import assigned_in_words, recorded_in_words, time_text
@@ -115,10 +114,7 @@ class DriveAdmin(StudyRows):
         return [self.row_path(self.exclude_view, "exclude"), *super().get_urls()]
 
     def exclude_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask why a drive is excluded or included again, and note the reason."""
-        row = Drive.objects.select_related("participant__study").filter(pk=pk).first()
-        if row is None or not may(request.user, row.participant.study.slug, "researcher"):
-            raise Http404
+        row = self.row_for(request, pk, "researcher")
         reason, error = request.POST.get("reason", "").strip(), ""
         if request.method == "POST":
             if LEAST_REASON <= len(reason) <= MOST_REASON:
@@ -126,16 +122,9 @@ class DriveAdmin(StudyRows):
                 return redirect("admin:experiments_drive_change", row.pk)
             error = gettext("Enter a reason of at most %(n)d characters.") % {"n": MOST_REASON}
         undo, exclude = gettext("Undo the exclusion"), gettext("Exclude this drive")
-        context = self.admin_site.each_context(request) | {
-            "title": undo if row.excluded_reason else exclude,
-            "opts": self.opts,
-            "study": row.participant.study,
-            "study_tab": self.study_tab,
-            "drive": row,
-            "error": error,
-            "reason": reason,
-        }
-        return render(request, "admin/experiments/drive/exclude.html", context)
+        title = undo if row.excluded_reason else exclude
+        context = {"title": title, "error": error, "reason": reason}
+        return self.row_page(request, row, "exclude", context)
 
 
 def _set_exclusion(request: HttpRequest, row: Drive, reason: str, *, exclude: bool) -> None:

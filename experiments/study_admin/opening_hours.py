@@ -6,11 +6,12 @@ from typing import Any
 from zoneinfo import available_timezones
 
 from django import forms
-from django.utils.dates import WEEKDAYS, WEEKDAYS_ABBR
+from django.utils.dates import WEEKDAYS
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from experiments.definition import opening_hours
+from experiments.participation.landing import days_in_words
 from surveys.document_forms.problem_text import sentences
 
 Hours = list[dict[str, Any]]
@@ -29,10 +30,7 @@ def lines_by_day(hours: Sequence[Mapping[str, Any]]) -> dict[str, str]:
 
 def from_days(lines: Iterable[str]) -> Hours:
     """Return opening hours from a line for each day from Monday; days with the same span share an
-    entry.
-
-    Raises:
-        ValueError: with the text that is no span.
+    entry. The ValueError for a text that is no span has that text.
     """
     days: dict[tuple[str, str], list[int]] = {}
     for number, text in enumerate(lines):
@@ -60,21 +58,8 @@ def summary(hours: Sequence[Mapping[str, Any]], time_zone: str) -> str:
     """Return opening hours in one line: "Mon-Fri 09:00-17:00 (Europe/Madrid)"."""
     if not hours:
         return gettext("always open")
-    spans = "; ".join(f"{_days(span['days'])} {span['start']}-{span['end']}" for span in hours)
-    return f"{spans} ({time_zone})"
-
-
-def _days(days: Sequence[int]) -> str:
-    runs: list[list[int]] = []
-    for day in sorted(set(days)):
-        if runs and day == runs[-1][-1] + 1:
-            runs[-1].append(day)
-        else:
-            runs.append([day])
-    return ", ".join(
-        str(WEEKDAYS_ABBR[run[0]]) + (f"-{WEEKDAYS_ABBR[run[-1]]}" if len(run) > 1 else "")
-        for run in runs
-    )
+    spans = (f"{days_in_words(one['days'], '-')} {one['start']}-{one['end']}" for one in hours)
+    return f"{'; '.join(spans)} ({time_zone})"
 
 
 class HoursForm(forms.Form):

@@ -5,7 +5,6 @@ from typing import Any
 from django.contrib import admin
 from django.db.models import Case, Exists, F, OuterRef, QuerySet, Value, When
 from django.http import Http404, HttpRequest, HttpResponse
-from django.shortcuts import render
 from django.urls import URLPattern
 from django.utils import timezone
 from django.utils.safestring import SafeString
@@ -31,11 +30,7 @@ from experiments.study_admin.rows import (
 from robots.admin import NOTHING, link_to
 from surveys.document_forms.fields import language_name
 
-GRADE_NAMES = {
-    Grade.NOTE: _("note"),
-    Grade.DOUBTFUL: _("doubtful"),
-    Grade.SERIOUS: _("serious"),
-}
+GRADE_NAMES = {Grade.NOTE: _("note"), Grade.DOUBTFUL: _("doubtful"), Grade.SERIOUS: _("serious")}
 FLAG_NAMES: dict[QualityFlag, Any] = {
     "attention_check": _("failed an attention check"),
     "speeding": _("answered too fast"),
@@ -49,7 +44,6 @@ FLAG_NAMES: dict[QualityFlag, Any] = {
 
 
 def _draws(row: Participant) -> SafeString:
-    """Return every draw: when, which cell, why, and the places taken in each cell then."""
     lines = (
         (
             f"{timezone.localtime(one.at):%Y-%m-%d %H:%M} · " if one.at else "",
@@ -64,8 +58,8 @@ def _draws(row: Participant) -> SafeString:
 
 
 def _quality_flags(row: Participant) -> str | SafeString:
-    """Return what speaks against the participant's data, the most serious first. Nobody is left
-    out because of it.
+    """Return what the checks of the participant's data found, the most serious first; they exclude
+    no participant.
     """
     # with NumPy, which other pages need not load
     from experiments.recruitment.quality import flags_of_study  # noqa: PLC0415
@@ -142,7 +136,7 @@ class ParticipantAdmin(StudyRows):
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
         """Read in the same query who has driven, and the recruitment ids that this user may see:
-        viewers neither read them nor find anybody by them.
+        viewers can neither read nor search them.
         """
         rows: QuerySet[Participant] = super().get_queryset(request)
         known: Any = F("recruitment_id")
@@ -153,8 +147,8 @@ class ParticipantAdmin(StudyRows):
                 When(study__slug__in=list(own.values_list("slug", flat=True)), then=known),
                 default=Value(""),
             )
-        driven = Exists(Drive.objects.filter(participant=OuterRef("pk")))
-        return rows.annotate(has_driven=driven, visible_id=known)
+        drives = Drive.objects.filter(participant=OuterRef("pk"))
+        return rows.annotate(has_driven=Exists(drives), visible_id=known)
 
     def change_view(self, request: HttpRequest, object_id: str, *args: Any, **options: Any) -> Any:
         row: Any = self.get_object(request, object_id)
@@ -170,33 +164,20 @@ class ParticipantAdmin(StudyRows):
         """Ask for the participant's code; once it is repeated, delete everything and show the
         receipt that participants get on the page “Your data”.
         """
-        row = Participant.objects.select_related("study", "user").filter(pk=pk).first()
-        if (
-            row is None
-            or row.status == Participant.Status.WITHDRAWN
-            or not may(request.user, row.study.slug, "researcher")
-        ):
+        row = self.row_for(request, pk, "researcher")
+        if row.status == Participant.Status.WITHDRAWN:
             raise Http404
-        context = self.admin_site.each_context(request) | {
-            "title": gettext("Withdraw a participant"),
-            "opts": self.opts,
-            "study": row.study,
-            "study_tab": self.study_tab,
-            "participant": row,
-        }
+        context: dict[str, Any] = {"title": gettext("Withdraw a participant")}
         code = request.POST.get("code", "").strip().upper()
         if request.method == "POST" and code == row.code:
             now = timezone.now()
             receipt = receipts.of(row, get_language() or "", now)
-            day = now.replace(
-                hour=0, minute=0, second=0, microsecond=0
-            )  # as all that is kept of it
+            # as all that is kept of it
+            day = now.replace(hour=0, minute=0, second=0, microsecond=0)
             audit.note("participant_withdrawn", actor=request.user, study=row.study.slug, at=day)
             deletion.leave(row, now)
             context |= {"receipt": receipt, "signed": receipts.signed(receipt)}
         elif request.method == "POST":
             context["error"] = gettext("This is not the participant's code.")
         status = 422 if "error" in context else 200
-        return render(
-            request, "admin/experiments/participant/withdraw.html", context, status=status
-        )
+        return self.row_page(request, row, "withdraw", context, status)

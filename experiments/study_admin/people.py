@@ -22,7 +22,7 @@ from experiments.builder.study_page import StudyPages
 from experiments.models import PersonalLink, ResearcherInvitation, Study, StudyMember
 from experiments.participation import links
 from experiments.research.invitations import invite
-from experiments.research.study_access import note_change, study_for
+from experiments.research.study_access import note_change
 from experiments.study_admin import opening_hours
 from robots.files.csv_text import csv_text
 
@@ -33,7 +33,7 @@ class PeoplePages(StudyPages):
     def people_urls(self) -> list[URLPattern]:
         return [
             self.study_path("researchers/", self.members_view, "members"),
-            self.study_path("links/", self.links_view, "links"),
+            self.study_path("links/", self.links_view, "links", "researcher"),
             self.study_path("hours/", self.hours_view, "hours"),
         ]
 
@@ -43,9 +43,7 @@ class PeoplePages(StudyPages):
         shown = {"sharing_tab": name, **context}
         return self.study_page(request, row, name, title, shown, tab="sharing")
 
-    def members_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the researchers of a study; owners add, invite, change and remove them."""
-        row = study_for(request, pk, "viewer")
+    def members_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         is_owner = may(request.user, row.slug, "owner")
         form = MemberForm(request.POST if "add" in request.POST else None)
         invited: dict[str, Any] = {}
@@ -77,11 +75,10 @@ class PeoplePages(StudyPages):
         }
         return self._page(request, row, "members", _("Researchers"), **context)
 
-    def links_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+    def links_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the links of a study without their tokens; a POST makes some, which this one answer
         shows and offers as a file, or revokes one.
         """
-        row = study_for(request, pk, "researcher")
         definition = row.as_definition()
         form = LinksForm(definition, request.POST if "make" in request.POST else None)
         made = None
@@ -97,8 +94,7 @@ class PeoplePages(StudyPages):
         context = {"links": rows[:MOST_LISTED], "form": form, "made": made, "now": timezone.now()}
         return self._page(request, row, "links", _("Personal links"), **context)
 
-    def hours_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row = study_for(request, pk, "viewer")
+    def hours_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         is_owner = may(request.user, row.slug, "owner")
         form = opening_hours.HoursForm(
             request.POST if request.method == "POST" else None,
@@ -122,9 +118,6 @@ class PeoplePages(StudyPages):
         return self._page(
             request, row, "hours", _("Opening hours"), form=form, is_owner=is_owner, summary=summary
         )
-
-
-# --- researchers ----------------------------------------------------------------------------------
 
 
 def _members(row: Study) -> "QuerySet[StudyMember]":
@@ -162,18 +155,13 @@ def _is_last_owner(member: StudyMember | None) -> bool:
 
 
 def _row_of(rows: "QuerySet[Any]", key: str) -> Any:
-    """Return the row with a primary key that a form sent.
-
-    Raises:
-        Http404: there is none; the key may be any text.
+    """Return the row with a primary key that a form sent; Http404 when there is none: the key may
+    be any text.
     """
     try:
         return get_object_or_404(rows, pk=key)
     except (ValueError, ValidationError) as error:
         raise Http404 from error
-
-
-# --- personal links -------------------------------------------------------------------------------
 
 
 def _made_links(request: HttpRequest, row: Study, form: LinksForm) -> dict[str, Any]:

@@ -23,7 +23,7 @@ from experiments.extraction.answers import questionnaires_of
 from experiments.extraction.build import freeze_of
 from experiments.models import Study
 from experiments.research.analysis_cache import command, environment
-from experiments.research.study_access import note_change, study_for
+from experiments.research.study_access import note_change
 
 STUDIES = 500  # simulated for each number: a page does not wait long
 SECONDS = 120.0
@@ -66,18 +66,18 @@ class DeviationsForm(forms.Form):
 class PlanPages(StudyPages):
     def plan_urls(self) -> list[URLPattern]:
         text, deviations = require_safe(self.preregistration_view), self.deviations_view
+        power = require_POST(self.power_view)
         return [
             self.study_path("plan/", require_safe(self.plan_view), "plan"),
             self.study_path("plan/preregistration.md", text, "preregistration"),
-            self.study_path("plan/power/", require_POST(self.power_view), "power"),
-            self.study_path("plan/deviations/", require_POST(deviations), "deviations"),
+            self.study_path("plan/power/", power, "power", "researcher"),
+            self.study_path("plan/deviations/", require_POST(deviations), "deviations", "owner"),
         ]
 
-    def plan_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        return self._plan(request, study_for(request, pk, "viewer"), PowerForm())
+    def plan_view(self, request: HttpRequest, row: Study) -> HttpResponse:
+        return self._plan(request, row, PowerForm())
 
-    def preregistration_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row = study_for(request, pk, "viewer")
+    def preregistration_view(self, _request: HttpRequest, row: Study) -> HttpResponse:
         name = f"{row.slug}-{row.version}-preregistration.md"
         return HttpResponse(
             preregistration(row.as_definition(), freeze_of(row), questionnaires_of(row)),
@@ -85,8 +85,8 @@ class PlanPages(StudyPages):
             headers={"Content-Disposition": f'attachment; filename="{name}"'},
         )
 
-    def power_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row, form = study_for(request, pk, "researcher"), PowerForm(request.POST)
+    def power_view(self, request: HttpRequest, row: Study) -> HttpResponse:
+        form = PowerForm(request.POST)
         if not form.is_valid():
             return self._plan(request, row, form, status=422)
         table, failure = _simulated(row, form.cleaned_data["participants"])
@@ -94,8 +94,8 @@ class PlanPages(StudyPages):
         status = 200 if table else 503
         return self._plan(request, row, form, status=status, power=power, failure=failure)
 
-    def deviations_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        row, form = study_for(request, pk, "owner"), DeviationsForm(request.POST)
+    def deviations_view(self, request: HttpRequest, row: Study) -> HttpResponse:
+        form = DeviationsForm(request.POST)
         if not form.is_valid():
             return self._plan(request, row, PowerForm(), deviations=form, status=422)
         Study.objects.filter(pk=row.pk).update(deviations=form.cleaned_data["deviations"])

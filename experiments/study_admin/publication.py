@@ -3,7 +3,6 @@ into the studies' administration.
 """
 
 from collections.abc import Iterator
-from typing import Any
 
 import msgspec
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
@@ -25,7 +24,7 @@ from experiments.definition.publication import (
 )
 from experiments.models import Study
 from experiments.research.analysis_downloads import PUBLICATION_LABELS, labels_of
-from experiments.research.study_access import note_change, study_for
+from experiments.research.study_access import note_change
 from surveys.document_forms.guide import FormGuide
 from surveys.document_forms.part_form import PartForm
 from surveys.document_forms.parts import Document
@@ -63,9 +62,8 @@ class PublicationPages(StudyPages):
     def publication_urls(self) -> list[URLPattern]:
         return [self.study_path("publication/", self.publication_view, "publication")]
 
-    def publication_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+    def publication_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the details; owners change them, also after the study was published."""
-        row = study_for(request, pk, "viewer")
         is_owner = may(request.user, row.slug, "owner")
         details = from_stored(row.publication)
         shown: Document = msgspec.to_builtins(details)

@@ -18,9 +18,10 @@ from experiments.builder.labels import ENDING_NAMES
 from experiments.builder.study_page import StudyPages
 from experiments.models import Appointment, Study, StudyKey
 from experiments.participation import completion
-from experiments.recruitment import keys, sites
+from experiments.recruitment import sites
+from experiments.recruitment.api import make_key
 from experiments.recruitment.payments import payment_rows
-from experiments.research.study_access import note_change, study_for
+from experiments.research.study_access import note_change
 from robots.files.csv_text import csv_text
 
 MOST_LISTED = 200
@@ -32,14 +33,14 @@ class KeyForm(forms.Form):
 
 class RecruitmentPages(StudyPages):
     def recruitment_urls(self) -> list[URLPattern]:
+        payments = require_safe(self.payments_view)
         return [
-            self.study_path("recruitment/", self.recruitment_view, "recruitment"),
-            self.study_path("payments.csv", require_safe(self.payments_view), "payments"),
+            self.study_path("recruitment/", self.recruitment_view, "recruitment", "researcher"),
+            self.study_path("payments.csv", payments, "payments", "researcher"),
         ]
 
-    def recruitment_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+    def recruitment_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the page; a POST makes a key, which is shown in this answer only, or revokes one."""
-        row = study_for(request, pk, "researcher")
         if "revoke" in request.POST:
             _revoke(request, row, request.POST["revoke"])
             return HttpResponseRedirect(request.path)
@@ -67,9 +68,7 @@ class RecruitmentPages(StudyPages):
         title = _("Recruitment")
         return self.study_page(request, row, "recruitment", title, context, tab="sharing")
 
-    def payments_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Answer with the table of payments, which names people by their recruitment ids."""
-        row = study_for(request, pk, "researcher")
+    def payments_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         audit.note("payments_exported", actor=request.user, study=row.slug)
         name = f"{row.slug}-payments.csv"
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}
@@ -95,7 +94,7 @@ def _made_key(request: HttpRequest, row: Study, form: KeyForm) -> str:
     label = form.cleaned_data["label"]
     try:
         with transaction.atomic():
-            key = keys.make_key(row.slug, label, request.user, timezone.now())
+            key = make_key(row.slug, label, request.user, timezone.now())
     except IntegrityError:
         form.add_error("label", _("There is a key of this name. Choose another one."))
         return ""

@@ -23,7 +23,6 @@ Groups = dict[str, list[LinkedProblem]]  # by the title of the condition
 
 
 def state_text(row: Rehearsal, now: datetime.datetime) -> str:
-    """Return how far a rehearsal is, or how it ended."""
     if runs.is_lost(row, now):
         text = _(
             "Failed: its process on %(host)s has given no sign of life since %(time)s. That "
@@ -124,7 +123,6 @@ def _step(is_it: Iterable[bool]) -> BuilderPlace | None:
 
 
 def tables_of(row: Rehearsal) -> dict[str, Any]:
-    """Return what was measured, for the page: conditions with their titles, pages, the power."""
     definition, report = row.study.as_definition(), row.report
     conditions = [
         {

@@ -6,15 +6,15 @@ from uuid import UUID
 
 from django.contrib import admin, messages
 from django.contrib.admin.utils import unquote
-from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
-from django.shortcuts import redirect, render
+from django.http import HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import redirect
 from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.http import require_POST, require_safe
 
-from experiments.access import Role, may
+from experiments.access import may
 from experiments.definition import problems
 from experiments.models import Rehearsal, Study
 from experiments.rehearsal import plan, runs
@@ -57,9 +57,7 @@ class RehearsalAdmin(StudyRows):
 
     state = column(_("status"), _state, ordering="status")
     is_of_this_definition = column(
-        _("of the current definition"),
-        lambda row: row.sha256 == row.study.sha256,
-        boolean=True,
+        _("of the current definition"), lambda row: row.sha256 == row.study.sha256, boolean=True
     )
 
     def get_urls(self) -> list[URLPattern]:
@@ -73,7 +71,6 @@ class RehearsalAdmin(StudyRows):
         ]
 
     def start_view(self, request: HttpRequest, study: UUID) -> HttpResponse:
-        """Ask for a rehearsal, and go to it; to the one that runs when there is one."""
         row = study_for(request, study, "owner")
         offer = offer_of(row)
         if offer["is_unfinished"] or offer["impossible"]:
@@ -92,20 +89,20 @@ class RehearsalAdmin(StudyRows):
         return redirect("admin:experiments_rehearsal_change", key)
 
     def end_view(self, request: HttpRequest, pk: UUID) -> HttpResponse:
-        """End a rehearsal; nothing is kept of what its bots did."""
-        row = self._row(request, pk, "owner")
+        """End a rehearsal; what its bots did is deleted."""
+        row = self.row_for(request, pk, "owner")
         if runs.stop(row.pk, request.user):
             entry, text = "Rehearsal ended.", gettext("Rehearsal ended.")
             note_change(request, row.study, entry, text, event="rehearsal_ended", thing=row.pk)
         return redirect("admin:experiments_rehearsal_change", row.pk)
 
     def state_view(self, request: HttpRequest, pk: UUID) -> JsonResponse:
-        row, now = self._row(request, pk, "viewer"), timezone.now()
+        row, now = self.row_for(request, pk, "viewer"), timezone.now()
         state = {"text": state_text(row, now), "live": runs.is_live(row, now)}
         return JsonResponse(state | {"progress": row.progress})
 
     def report_view(self, request: HttpRequest, pk: UUID) -> JsonResponse:
-        row = self._row(request, pk, "viewer")
+        row = self.row_for(request, pk, "viewer")
         name = f"{row.study.slug}-{row.study.version}-rehearsal.json"
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}
         return JsonResponse(row.report, headers=headers, json_dumps_params={"indent": 1})
@@ -117,12 +114,8 @@ class RehearsalAdmin(StudyRows):
         now = timezone.now()
         found, noted = issues_of(row)
         context = {
-            **self.admin_site.each_context(request),
             "title": gettext("Rehearsal"),
             "opts": Study._meta,
-            "study": row.study,
-            "study_tab": self.study_tab,
-            "rehearsal": row,
             "text": state_text(row, now),
             "is_live": runs.is_live(row, now),
             "is_older": row.sha256 != row.study.sha256,
@@ -133,10 +126,4 @@ class RehearsalAdmin(StudyRows):
             "noted": noted,
             **tables_of(row),
         }
-        return render(request, "admin/experiments/rehearsal/report.html", context)
-
-    def _row(self, request: HttpRequest, pk: UUID, least: Role) -> Rehearsal:
-        row = Rehearsal.objects.filter(pk=pk).select_related("study", "ended_by").first()
-        if row is None or not may(request.user, row.study.slug, least):
-            raise Http404
-        return row
+        return self.row_page(request, row, "report", context)

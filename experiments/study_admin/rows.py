@@ -6,14 +6,15 @@ from typing import Any
 
 from django.contrib import admin
 from django.db.models import Model, Q
-from django.http import HttpRequest, HttpResponse, HttpResponseBase
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import render
 from django.urls import path
 from django.utils.html import format_html_join
 from django.utils.safestring import SafeString, mark_safe
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 
-from experiments.access import may
+from experiments.access import Role, may
 from experiments.builder.labels import ENDING_NAMES
 from experiments.models import Study
 from experiments.research.study_access import slugs_of
@@ -35,7 +36,6 @@ def column(description: Any, value: Callable[[Any], Any], **options: Any) -> Any
 
 
 def by_line(line: str, values: Any) -> SafeString:
-    """Return a line of text for each of `values`, which fill in the places of `line`."""
     return format_html_join(mark_safe("<br>"), line, values)
 
 
@@ -55,7 +55,6 @@ class StudyFilter(admin.SimpleListFilter):
         return [(str(row.pk), str(row)) for row in found]
 
     def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
-        """Return the rows of the chosen study; none for an unknown one."""
         chosen = self.value()
         if chosen is None:
             return queryset
@@ -94,10 +93,7 @@ class MismatchFilter(ChoiceFilter):
 
     title = _("condition applied")
     parameter_name = "applied"
-    kinds = {
-        "yes": (_("as assigned"), Q(mismatches=[])),
-        "no": (_("differs"), ~Q(mismatches=[])),
-    }
+    kinds = {"yes": (_("as assigned"), Q(mismatches=[])), "no": (_("differs"), ~Q(mismatches=[]))}
 
 
 class NamedValuesFilter(admin.AllValuesFieldListFilter):
@@ -184,8 +180,27 @@ class StudyRows(OfStudies):
         }
         return super().render_change_form(request, context, *args, **options)
 
+    def row_for(self, request: HttpRequest, pk: Any, least: Role) -> Any:
+        """Return a row for a page; Http404 when there is none, or the user's role is lower."""
+        rows = self.model.objects.select_related(*self.list_select_related)
+        row = rows.filter(pk=pk).first()
+        if row is None or not may(request.user, self.slug_of(row), least):
+            raise Http404
+        return row
+
+    def row_page(
+        self, request: HttpRequest, row: Any, page: str, context: dict[str, Any], status: int = 200
+    ) -> HttpResponse:
+        around = self.admin_site.each_context(request) | {
+            "opts": self.opts,
+            "study": self.study_of(row),
+            "study_tab": self.study_tab,
+            self.opts.model_name: row,
+        }
+        name = f"admin/experiments/{self.opts.model_name}/{page}.html"
+        return render(request, name, around | context, status=status)
+
     def row_path(self, view: Callable[..., HttpResponseBase], name: str, end: str = "/") -> Any:
-        """Return the address of a page of one row, for staff and for no cache."""
         guarded: Any = self.admin_site.admin_view(never_cache(view))
         full_name = f"experiments_{self.opts.model_name}_{name}"
         return path(f"<uuid:pk>/{name}{end}", guarded, name=full_name)

@@ -6,8 +6,6 @@ The participant is in no database. Each page is drawn by the step's own code
 that a page sends only leads to the next one. Robots are driven by pilots instead.
 """
 
-from typing import Any
-
 from csp.constants import SELF
 from csp.decorators import csp_replace
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
@@ -25,7 +23,6 @@ from experiments.models import Participant, ParticipantKind, Study
 from experiments.participation import journey
 from experiments.participation.assignment import Access
 from experiments.participation.steps import page_of
-from experiments.research.study_access import study_for
 from surveys.document_forms.fields import language_name
 from surveys.documents import spoken
 
@@ -48,11 +45,10 @@ class WalkThroughPages(StudyPages):
             self.study_path(f"{place}<slug:condition>/", step, "walked_step"),
         ]
 
-    def walk_through_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+    def walk_through_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the steps, and the one that is chosen in a frame of the chosen width:
         `?language=es&width=phone&condition=a&step=task`.
         """
-        row = study_for(request, pk, "viewer")
         definition = row.as_definition()
         language = _one_of(definition.languages, request.GET.get("language", ""))
         width = _one_of(tuple(WIDTHS), request.GET.get("width", ""))
@@ -89,10 +85,9 @@ class WalkThroughPages(StudyPages):
         return self.study_page(request, row, "walk_through", title, context, tab="builder")
 
     def walked_step_view(
-        self, request: HttpRequest, pk: Any, language: str, number: int, condition: str = ""
+        self, request: HttpRequest, row: Study, language: str, number: int, condition: str = ""
     ) -> HttpResponseBase:
-        """Show a step, from 1; what is sent is not read, and leads to the next step."""
-        row = study_for(request, pk, "viewer")
+        """Show a step, from 1. A POST is not read, and leads to the next step."""
         definition = row.as_definition()
         if condition and definition.condition(condition) is None:
             raise Http404

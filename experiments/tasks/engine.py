@@ -39,8 +39,6 @@ class Result:
 
 
 class TaskEngine:
-    """One participant's task on a course."""
-
     def __init__(self, track: CourseTrack) -> None:
         self.track = track
         self._now = float("-inf")
@@ -83,7 +81,6 @@ class TaskEngine:
 
     @property
     def events(self) -> tuple[ProgressEvent, ...]:
-        """All events until now, in order."""
         _progress, latest = self._until_now()
         return (*(event for _, events in self._folded for event in events), *latest)
 

@@ -172,7 +172,6 @@ def _write(
 def _exposed_at(
     drive: Drive, first_frame: float | None, *, moved: bool
 ) -> datetime.datetime | None:
-    """Return the time of the first video frame; if its event was lost, of the first motion."""
     if first_frame is not None:
         return datetime.datetime.fromtimestamp(first_frame, datetime.UTC)
     return (drive.session.first_motion_at or drive.granted_at) if moved else None

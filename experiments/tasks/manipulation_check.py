@@ -10,7 +10,7 @@ import msgspec
 from experiments.definition.conditions import Applied
 from experiments.definition.start_condition import snapshot
 from experiments.models import Drive
-from experiments.participation.drive_status import series_of
+from experiments.participation.drive_status import kind_of
 from robots.api.messages import State
 from sessions.models import SessionEvent
 
@@ -24,9 +24,8 @@ class ManipulationCheck:
     """
 
     def __init__(self, drive: Drive) -> None:
-        robot = drive.session.robot
-        site = robot.floor_plan.name if robot.floor_plan else ""
-        self.applied = Applied(robot=series_of(robot), site=site)
+        robot, site = kind_of(drive.session.robot)
+        self.applied = Applied(robot=robot, site=site)
         self.moved = drive.session.first_motion_at is not None
         # Doors are as the server has set them until the robot reports otherwise; of doors that a
         # person closes, only reports count.

@@ -107,7 +107,6 @@ class PhotoState:
 
     @property
     def window(self) -> Window:
-        """What the page shows: the picture to answer, the hint, or nothing."""
         if self.settled or not self.is_open:
             return "shut"
         return "review" if self.pending else "open"
@@ -143,7 +142,6 @@ class Progress:
 
     @property
     def pose(self) -> Pose2D | None:
-        """The last known pose."""
         placed = self.placed
         return None if placed is None else Pose2D(placed.x, placed.y, placed.theta)
 
@@ -203,7 +201,6 @@ class _Fold:
 
     @property
     def sight(self) -> Sight | None:
-        """How the robot faces the photo's checkpoint."""
         spot, pose = self.track.photo, self.progress.pose
         return spot.sight(pose) if spot is not None and pose is not None else None
 

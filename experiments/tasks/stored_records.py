@@ -50,7 +50,6 @@ def of_message(message: object, received_at: float, offset: float) -> Input | No
 
 
 def of_event(event: SessionEvent, offset: float) -> Input | None:
-    """Return the input that a stored event is to the task, as `of_message`."""
     data = event.data
     if event.source == SessionEvent.Source.PAGE:
         return _of_page(event.type, event.stamp, event.received_at, data)
@@ -113,5 +112,4 @@ def rows_with_records(
 
 
 def stored(drive: Drive, offset: float) -> Iterator[Record]:
-    """Yield the stored records of a drive's task, without its end."""
     return (record for _, record in rows_with_records(drive, offset) if record is not None)

@@ -6,7 +6,7 @@ from accounts.models import User
 from experiments.access import OPERATING, may_operate_as_wizard, role_of
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Drive, Participant, Study, StudyMember
-from experiments.participation.grants import is_for
+from experiments.participation.drive_status import robots_of
 from experiments.participation.robot_eligibility import may_see
 from experiments.wizard.script import script_of
 from robots.models import Robot
@@ -17,7 +17,7 @@ from surveys.documents import spoken
 
 class StudyOperators:
     def may_operate(self, user: User, robot: Robot) -> bool:
-        return any(robot in robots_of(study.as_definition()) for study in _studies_of(user))
+        return any(robot in operated_robots(study.as_definition()) for study in _studies_of(user))
 
     def operated(self, user: User, session: Session) -> OperatedSession | None:
         drive = (
@@ -52,17 +52,7 @@ def _studies_of(user: User) -> list[Study]:
     return [study for study in rows if study.as_definition().wizard is not None]
 
 
-def robots_of(definition: StudyDefinition) -> list[Robot]:
-    rows = (
-        Robot.objects.filter(practice=False, enabled=True)
-        .select_related("floor_plan")
-        .defer("floor_plan__image")
-        .order_by("title")
-    )
-    operated = [one for one in definition.conditions if definition.wizard_of(one.key) is not None]
-    return [
-        robot
-        for robot in rows
-        if any(is_for(condition, robot) for condition in operated)
-        and may_see(definition.slug, robot)
-    ]
+def operated_robots(definition: StudyDefinition) -> list[Robot]:
+    operated = tuple(one for one in definition.conditions if definition.wizard_of(one.key))
+    robots = (robot for robot in robots_of(operated) if may_see(definition.slug, robot))
+    return sorted(robots, key=lambda robot: robot.title)

@@ -9,7 +9,7 @@ from django.views.decorators.http import require_safe
 
 from experiments.access import may, may_operate_as_wizard
 from experiments.models import Study
-from experiments.wizard.operators import robots_of
+from experiments.wizard.operators import operated_robots
 from robots.models import Robot
 from sessions.wizard import protocol
 
@@ -17,7 +17,6 @@ from sessions.wizard import protocol
 @never_cache
 @require_safe
 def console(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show the operator's page of a study, for one of its robots (`?robot=`)."""
     versions = list(Study.objects.filter(slug=slug).order_by("-version"))
     if not versions or not may_operate_as_wizard(request.user, slug):
         raise Http404
@@ -25,7 +24,7 @@ def console(request: HttpRequest, slug: str) -> HttpResponse:
     operated = (one for one in versions if one.as_definition().wizard is not None)
     study = next(operated, versions[0])
     definition = study.as_definition()
-    robots = robots_of(definition) if definition.wizard is not None else []
+    robots = operated_robots(definition) if definition.wizard is not None else []
     robot = next((one for one in robots if one.name == request.GET.get("robot")), None)
     robot = robot or (robots[0] if robots else None)
     context = {

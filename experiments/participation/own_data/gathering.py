@@ -50,7 +50,6 @@ def gather(user: Any) -> dict[str, Any]:
 
 
 def _of(kind: str, row: Any) -> dict[str, Any]:
-    """Return the `FIELDS` of a row; times as text."""
     found = {}
     for field in FIELDS[kind].split():
         key, _, name = field.partition("=")

@@ -25,7 +25,7 @@ from experiments.participation.consent import as_text
 from experiments.participation.own_data.gathering import gather
 from experiments.participation.views import show_code
 from experiments.participation.withdrawal import deletion
-from experiments.participation.withdrawal.views import leave
+from experiments.participation.withdrawal.receipt import leave
 from experiments.recruitment import recognition
 
 FORBIDDEN = 403
@@ -44,7 +44,7 @@ def private(view: View[Given]) -> View[Given]:
     def checked(
         request: HttpRequest, *args: Given.args, **kwargs: Given.kwargs
     ) -> HttpResponseBase:
-        if recognition.was_by_id_alone(request.session):
+        if request.session.get(recognition.BY_ID_ALONE):
             return render(request, "experiments/not_confirmed.html", status=FORBIDDEN)
         return view(request, *args, **kwargs)
 
@@ -54,7 +54,6 @@ def private(view: View[Given]) -> View[Given]:
 @private
 @require_safe
 def data(request: HttpRequest) -> HttpResponse:
-    """List the user's participations, with links to their data and rights."""
     language = get_language() or ""
     rows = [
         (one, progress.title_of(one.study, language), one.consents.order_by("agreed_at"))
@@ -78,7 +77,6 @@ def data_download(request: HttpRequest) -> JsonResponse:
 @require_POST
 @limited(OWN_DATA)
 def data_delete(request: HttpRequest) -> HttpResponseBase:
-    """Delete the account, if the user typed their name, or a guest ticked a box."""
     user: Any = request.user
     if user.is_guest and not request.POST.get("sure"):
         refusal = _("To confirm, tick the box. Nothing was deleted.")
@@ -103,7 +101,6 @@ def data_delete(request: HttpRequest) -> HttpResponseBase:
 @require_POST
 @limited(NEW_CODES)
 def new_code(request: HttpRequest) -> HttpResponse:
-    """Show a guest a new code, with which they continue on another device."""
     user: Any = request.user
     if not user.is_guest:
         raise Http404
@@ -118,7 +115,6 @@ def _own(request: HttpRequest, code: str) -> Participant:
 @require_http_methods(["GET", "HEAD", "POST"])
 @login_required
 def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
-    """Ask for a confirmation; a POST withdraws the participant."""
     participant = _own(request, code)
     title = progress.title_of(participant.study, get_language() or "")
     if request.method != "POST":
@@ -132,7 +128,6 @@ def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
 @private
 @require_safe
 def receipt(request: HttpRequest, code: str, step: str) -> HttpResponse:
-    """Return the newest consent that a participant gave in a step, as text."""
     rows = ConsentReceipt.objects.filter(participant=_own(request, code), step=step)
     found = rows.select_related("participant__study").order_by("-version").first()
     if found is None:

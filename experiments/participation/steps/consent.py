@@ -10,7 +10,7 @@ from experiments.models import ConsentReceipt, Participant
 from experiments.participation import progress
 from experiments.participation.consent import ConsentForm, agree
 from experiments.participation.step_page import StepPage
-from experiments.participation.withdrawal.views import leave
+from experiments.participation.withdrawal.receipt import leave
 from surveys.documents import spoken
 
 WRONG = 422

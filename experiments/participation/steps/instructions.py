@@ -62,7 +62,6 @@ class InstructionsStepPage(StepPage):
         return self._show(request)
 
     def pages(self) -> tuple[InstructionPage, ...]:
-        """Return the pages for the robots and conditions that the participant may get."""
         conditions = progress.open_conditions(self.participant)
         robots, keys = {one.robot for one in conditions}, {one.key for one in conditions}
         return tuple(
@@ -77,7 +76,6 @@ class InstructionsStepPage(StepPage):
 
 
 def _address(picture: str) -> str:
-    """Return the address of a picture or video; empty for none."""
     if picture.startswith(OWN_MEDIA):
         return str(reverse("study_media", args=[picture]))
     return str(static(f"img/instructions/{picture}.svg")) if picture in PICTURES else ""

@@ -66,7 +66,6 @@ def leave(participant: Participant, now: datetime.datetime) -> None:
 
 
 def is_driving(user: Any) -> bool:
-    """Tell whether a user drives a robot or waits for one."""
     return Session.objects.filter(visitor=user).exclude(state=Session.State.ENDED).exists()
 
 

@@ -1,4 +1,5 @@
-"""The receipt of a withdrawal: what was deleted, and what had been exported before.
+"""The receipt of a withdrawal: what was deleted, and what had been exported before; a page, and a
+text file.
 
 It is not stored. The page contains it, signed by the site, so that it can be downloaded as text for
 a day.
@@ -8,14 +9,22 @@ import datetime
 from typing import Any
 
 import msgspec
+from django.contrib.auth import logout
 from django.core import signing
 from django.db.models import Q, Sum
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.template.loader import render_to_string
 from django.utils.functional import Promise
+from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_POST
 
 from accounts.models import AuditEntry, User
-from experiments.models import CodingEdit, Participant, StudyMember, TaskEvent
-from experiments.participation import progress
+from experiments.models import LEFT, CodingEdit, Participant, StudyMember, TaskEvent
+from experiments.participation import completion, progress
+from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal.deletion import responses_of
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer
@@ -51,10 +60,6 @@ BY: dict[str, str | Promise] = {
     "operator": _("the operators of the site"),
     "former": _("somebody who no longer has a role here"),
 }
-
-
-class ReceiptError(ValueError):
-    """The receipt was not made by this site, or is too old."""
 
 
 class Export(msgspec.Struct, frozen=True):
@@ -117,18 +122,6 @@ def signed(receipt: WithdrawalReceipt) -> str:
     return signing.dumps(msgspec.to_builtins(receipt), salt=SALT, compress=True)
 
 
-def read(text: str) -> WithdrawalReceipt:
-    """Return the receipt that a page posted.
-
-    Raises:
-        ReceiptError: it is not signed by this site, or too old.
-    """
-    try:
-        return msgspec.convert(signing.loads(text, salt=SALT, max_age=SECONDS), WithdrawalReceipt)
-    except (signing.BadSignature, msgspec.ValidationError) as error:
-        raise ReceiptError(str(error)) from error
-
-
 def _counted(participant: Participant) -> dict[str, int]:
     responses = responses_of(participant)
     sessions = Session.objects.filter(drive__participant=participant)
@@ -179,3 +172,37 @@ def _by(actor: Any, roles: dict[Any, str]) -> str:
         return roles[actor]
     is_staff = User.objects.filter(pk=actor, is_staff=True).exists()
     return "administrator" if is_staff else "former"
+
+
+def leave(request: HttpRequest, participant: Participant, now: datetime.datetime) -> HttpResponse:
+    """Withdraw a participant; show the receipt, and the code for the recruitment site."""
+    receipt = of(participant, get_language() or "", now)
+    ending, code = completion.on_leaving(participant)
+    address = completion.return_address(participant, ending)
+    wants_code = bool(participant.completion_code or participant.recruitment_id)
+    deletion.leave(participant, now)
+    if getattr(request.user, "is_guest", False):
+        logout(request)
+    context = {
+        "receipt": receipt,
+        "signed": signed(receipt),
+        "address": address,
+        "code": code if wants_code else "",
+        "is_finished": ending != LEFT,
+    }
+    return render(request, "experiments/withdrawn.html", context)
+
+
+@never_cache
+@require_POST
+def receipt_text(request: HttpRequest) -> HttpResponse:
+    """Return the receipt that the page posted, as text: no account is needed."""
+    try:
+        posted = signing.loads(request.POST.get("receipt", ""), salt=SALT, max_age=SECONDS)
+        receipt = msgspec.convert(posted, WithdrawalReceipt)
+    except (signing.BadSignature, msgspec.ValidationError) as error:
+        raise Http404 from error
+    text = render_to_string("experiments/withdrawn.txt", {"receipt": receipt})
+    name = f"withdrawal-{receipt.study}-{receipt.day}.txt"
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return HttpResponse(text, content_type="text/plain; charset=utf-8", headers=headers)

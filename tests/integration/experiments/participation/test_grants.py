@@ -250,6 +250,12 @@ def test_a_study_that_is_closed_at_this_hour_lets_nobody_begin(robot):
     assert take(robot, participant.user) == store.Refused(reason="closed")
 
 
+def test_no_drive_begins_in_a_study_that_is_over(robot, study):
+    (participant,) = comers(study, 1)
+    Study.objects.filter(pk=study.pk).update(status=Study.Status.CLOSED)
+    assert take(robot, participant.user) == store.Refused(reason="closed")
+
+
 def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     study = p.published(small_study(), exclusive=True)
     participant, stranger, operator = p.comer(study, person("ada")), person("ben"), person("olga")

@@ -212,7 +212,7 @@ def test_the_home_page_shows_what_is_published_and_open_to_all_and_when_closed_s
         opening_hours=[{"days": [0], "start": "09:00", "end": "10:00"}]
     )
     assert [one.slug for one in progress.visible_studies(now)] == ["assistance", "exploration"]
-    opens = {one.slug: one.opens_at for one in landing.invitations("en", now)}
+    opens = {one["slug"]: one["opens_at"] for one in landing.invitations("en", now)}
     assert opens == {
         "assistance": None,
         "exploration": datetime.datetime(2026, 3, 9, 9, 0),  # noqa: DTZ001 -- local time of a form

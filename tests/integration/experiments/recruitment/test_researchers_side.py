@@ -10,7 +10,7 @@ from django.utils import timezone
 
 from experiments.models import Participant, StudyKey, StudyMember
 from experiments.participation import completion
-from experiments.recruitment import api, keys
+from experiments.recruitment import api
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
 from tests.support.studies import participants as p
@@ -132,7 +132,7 @@ def key(study):
     cache.clear()
     user = person("rita", is_staff=True)
     StudyMember.objects.create(slug=study.slug, user=user, role="researcher")
-    return keys.make_key(study.slug, "pay", user, timezone.now())
+    return api.make_key(study.slug, "pay", user, timezone.now())
 
 
 def ask(client, key: str, **query: str):

@@ -2,6 +2,7 @@
 
 import datetime
 import json
+from dataclasses import asdict
 
 import pytest
 from django.urls import reverse
@@ -158,7 +159,7 @@ def test_a_report_is_read_by_condition_with_the_pages_of_the_builder(client, own
     assert "A participant needs about 4.4 minutes." in page.text
     assert "a difference of 0.5 standard deviations: 128" in page.text
     assert "This rehearsal is of the study as it is now." in page.text
-    assert json.loads(client.get(at("rehearsal_report", row)).content) == REPORT.as_data()
+    assert json.loads(client.get(at("rehearsal_report", row)).content) == asdict(REPORT)
 
 
 def test_an_old_report_without_issues_is_readable(client, owner, study):
