@@ -21,7 +21,6 @@ from experiments.definition.factors import of_condition
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import doubts, name_problems, problems
-from experiments.definition.reachability import unreachable
 from experiments.definition.schema import StudyDefinition, as_stored, digest
 from experiments.definition.step import AskingStep, DriveStep
 from experiments.definition.steps.consent import SHARING, TEMPLATE
@@ -203,7 +202,7 @@ def problems_of(row: Row) -> list[Problem]:
 def obstacles_here(definition: StudyDefinition) -> list[Problem]:
     """Return why a study cannot run with the sites, robots and questionnaires of this server."""
     return [
-        *obstacles(definition, known_here(), unreachable),
+        *obstacles(definition, known_here()),
         *_robots_elsewhere(definition),
         *_unknown_measures(definition),
         *_named_answers(definition),
