@@ -27,6 +27,7 @@ from experiments.definition.design import (
     Factor,
     Levels,
     OwnAction,
+    TitledPart,
 )
 from experiments.definition.plan import StudyPlan
 from experiments.definition.recruitment.recruiting import (
@@ -135,14 +136,12 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
     angular: Positive | None = None
 
 
-class Condition(DocumentPart, frozen=True, kw_only=True):
+class Condition(TitledPart, frozen=True, kw_only=True):
     """What a participant drives with, and cannot change. `levels` are its cell: its level of each
     factor. `robot` is a series. After `idle_seconds` without input the page asks whether the
     driver is there; None or 0: never.
     """
 
-    key: Key
-    title: Text
     levels: Levels = {}
     robot: PlanKey
     site: PlanKey
