@@ -55,5 +55,4 @@ class DeclaredAnalysis(TitledPart, frozen=True, kw_only=True):
         return self.test == "mixed" or bool(self.effects)
 
     def interacts(self, factor: str) -> bool:
-        """Tell whether the model has an interaction with a factor."""
         return any(":" in effect and factor in effect.split(":") for effect in self.effects)

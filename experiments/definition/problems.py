@@ -39,7 +39,6 @@ def parse(document: bytes) -> StudyDefinition:
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield the problems of a study whose types are right."""
     yield from _of_the_whole(study)
     yield from within(_of_all_steps(study), ProblemPlace("steps"))
     for n, step in enumerate(study.steps):
@@ -70,7 +69,6 @@ def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Prob
 
 
 def name_problems(slug: str) -> Iterator[Problem]:
-    """Yield why a study cannot have a name."""
     if slug in TAKEN_NAMES:
         words = _(
             "The name %(name)s is reserved for other addresses of the site: give the study another "

@@ -305,7 +305,6 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
 
     @property
     def tells_of_operator(self) -> bool:
-        """Whether its debriefing tells of the hidden operator in every language."""
         return all(self.operator_text.get(name, "").strip() for name in self.languages)
 
     @property

@@ -56,8 +56,6 @@ class Step(TitledPart, frozen=True, kw_only=True, tag_field="kind"):
 
 
 class AskingStep(Step, frozen=True, kw_only=True):
-    """A step with a questionnaire."""
-
     # Asked once; other questionnaires are asked once in each visit and round.
     is_about_person: ClassVar[bool] = False
 

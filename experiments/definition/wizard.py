@@ -143,7 +143,6 @@ def _of_step(step: WizardStep, languages: Sequence[str]) -> Iterator[Problem]:
 def obstacles(
     wizard: Wizard, places: frozenset[str], capabilities: frozenset[str]
 ) -> Iterator[Problem]:
-    """Yield the steps of a script that a robot and its site cannot do."""
     for step in wizard.steps:
         if isinstance(step.move, PlaceMove) and step.move.name not in places:
             words = _("the script's step %(key)s goes to %(place)s, which is not a place there.")
