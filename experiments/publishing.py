@@ -313,8 +313,7 @@ def _balance_factors(definition: StudyDefinition) -> Iterator[Problem]:
     for factor in definition.allocation.balance:
         questionnaire, _point, item = factor.item.rpartition(".")
         found = [one for one in _questionnaires(asked) if one.slug == questionnaire]
-        consent = definition.consent
-        words = ""
+        consent, words = definition.consent, ""
         if not questionnaire and (consent is None or not consent.minimum_age):
             words = _("the consent does not ask the age: give it a minimum age.")
         elif questionnaire and not found:

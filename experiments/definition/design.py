@@ -55,9 +55,10 @@ class Level(TitledPart, frozen=True, kw_only=True):
 
 
 class Factor(TitledPart, frozen=True, kw_only=True):
-    """What is varied. A participant has all levels of a `within` factor and one of a `between`
-    factor; a study with both has a mixed design. Each level sets what the factor `changes`: nothing
-    if levels differ in instructions only. The first level is the reference of treatment coding.
+    """A property that a study varies. A participant has all levels of a `within` factor and one of
+    a `between` factor; a study with both has a mixed design. Each level sets what the factor
+    `changes`: nothing if levels differ in instructions only. The first level is the reference of
+    treatment coding.
     """
 
     design: Design = "between"

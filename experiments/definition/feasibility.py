@@ -1,4 +1,4 @@
-"""Whether a study can run with the robots, sites and questionnaires of a server. Pure."""
+"""Whether a study can run with the robots, sites and questionnaires of a server."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -32,7 +32,7 @@ CAPABILITY: dict[OwnAction, Capability] = {
     "tilt": "tilt",
 }
 NETWORK_LAB: Capability = "network_lab"
-# Of the ages that a robot accepts, what is reserved for the real network and the page, in s.
+# The parts of the accepted ages that are reserved for the real network and the page, in s.
 ROOM_FOR_COMMANDS, ROOM_FOR_PICTURES = 0.05, 0.15
 ROUNDING = 1e-9
 SLOW_COMMANDS = _(

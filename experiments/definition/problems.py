@@ -133,7 +133,7 @@ def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
 
 
 def doubts(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield what is allowed but probably a mistake; the publisher of the study confirms it."""
+    """Yield settings that are allowed but probably a mistake; the publisher confirms them."""
     task = study.task
     if task is None or not participants_do_several(study):
         return

@@ -1,13 +1,9 @@
 """The definition of a study: version 1 of the JSON format, one class for each kind of part.
 
-A study has *steps* that participants go through, *conditions* that are compared, and *courses* that
-are driven; what happens when follows from it alone (experiments/participation/assignment.py,
-experiments/tasks/engine.py). A published definition is frozen by its SHA-256. Stored, exported and
-hashed definitions contain every value, so that changed defaults of a release change no study.
-
-Texts are objects by language. Units are metres, radians, m/s and s in the frame of the site's map,
-unless a name says minutes. The classes refuse unknown fields and wrong types; problems.py checks
-the rest, feasibility.py what depends on the sites, robots and questionnaires of a server.
+A published definition is frozen by its SHA-256. Stored, exported and hashed definitions contain
+every value, so that changed defaults of a release change no study. Texts are objects by language.
+Units are metres, radians, m/s and s in the frame of the site's map, unless a name says minutes.
+The classes check types, problems.py the rest, feasibility.py what depends on a server.
 docs/reference/studies.md explains every field.
 """
 

@@ -29,8 +29,8 @@ class SafetyPrediction:
 
 
 def predicted(network: Network, command_age: float, frame_age: float) -> SafetyPrediction:
-    """Return what is left of a drive over a network by a robot that accepts such ages, in s. A
-    jitter J spreads a delay evenly from J below to J above (robots/agent/lab).
+    """Return the speed that a robot with these limits on age, in s, keeps on a network. A jitter J
+    spreads a delay evenly from J below to J above (robots/agent/lab).
     """
     ages = [
         (there + REAL_COMMANDS, there + back + REAL_PICTURES)
