@@ -23,7 +23,6 @@ SEES_SESSIONS = "telepresence_sessions.view_session"
 
 
 def role_of(user: Any, slug: str) -> Role | None:
-    """Return the role of a user in a study; None without one."""
     if not (user.is_authenticated and user.is_active):
         return None
     if user.is_superuser:

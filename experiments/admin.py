@@ -1,6 +1,7 @@
 """Studies in the administration: building, rehearsing, publishing, and links to their results."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from django.contrib import admin, messages
@@ -146,7 +147,6 @@ class StudyAdmin(
         return type("StudyFormOf", (form,), {"user": request.user})
 
     def save_model(self, request: HttpRequest, obj: Study, form: ModelForm, change: bool) -> None:
-        """Save the settings; the form has stored the definition."""
         if form.stored is not None:
             kept = {name: getattr(obj, name) for name in SETTINGS} if change else {}
             for field in Study._meta.concrete_fields:
@@ -196,14 +196,15 @@ class StudyAdmin(
 
     def get_urls(self) -> list[URLPattern]:
         shipped = self.admin_site.admin_view(require_POST(self.take_shipped))
+        change = require_POST(self.close_or_reopen)
         return [
             path("shipped/", shipped, name="experiments_study_shipped"),
             self.study_path("export.json", require_safe(self.export), "export"),
             self.study_path("new-version/", require_POST(self.new_version), "new_version", "owner"),
             self.study_path("copy/", self.copy_view, "copy", "owner"),
             self.study_path("publish/", self.publish_view, "publish", "owner"),
-            self.study_path("close/", require_POST(self.close), "close", "owner"),
-            self.study_path("reopen/", require_POST(self.reopen), "reopen", "owner"),
+            self.study_path("close/", partial(change, is_closing=True), "close", "owner"),
+            self.study_path("reopen/", partial(change, is_closing=False), "reopen", "owner"),
             *self.builder_urls(),
             *self.people_urls(),
             *self.plan_urls(),
@@ -224,7 +225,6 @@ class StudyAdmin(
         return super().changelist_view(request, {**(extra_context or {}), **more})
 
     def take_shipped(self, request: HttpRequest) -> HttpResponse:
-        """Store a study that comes with the site as a draft of the user."""
         user: Any = request.user
         definition = shipped().get(request.POST.get("study", ""))
         if definition is None or not user.has_perm("experiments.add_study"):
@@ -295,31 +295,24 @@ class StudyAdmin(
             request, row, "publish", title, context, tab="overview", status=status
         )
 
-    def close(self, request: HttpRequest, row: Study) -> HttpResponse:
+    def close_or_reopen(
+        self, request: HttpRequest, row: Study, *, is_closing: bool
+    ) -> HttpResponse:
         try:
-            publishing.close(row, timezone.now())
+            if is_closing:
+                publishing.close(row, timezone.now())
+                words = gettext("Study closed: it accepts no new participants.")
+            else:
+                publishing.reopen(row)
+                words = gettext("Study reopened: it accepts participants again.")
         except publishing.NotPublishableError as error:
             messages.error(request, " ".join(sentences(error.reasons)))
         else:
-            words = gettext("Study closed: it accepts no new participants.")
-            self._note(request, row, "study_closed", "Closed.", words)
+            event = "study_closed" if is_closing else "study_opened"
+            publishing.log(row, request.user, "Closed." if is_closing else "Opened again.")
+            audit.note(event, actor=request.user, study=row.slug, detail=f"version {row.version}")
+            messages.success(request, words)
         return redirect("admin:experiments_study_change", row.pk)
-
-    def reopen(self, request: HttpRequest, row: Study) -> HttpResponse:
-        try:
-            publishing.reopen(row)
-        except publishing.NotPublishableError as error:
-            messages.error(request, " ".join(sentences(error.reasons)))
-        else:
-            words = gettext("Study reopened: it accepts participants again.")
-            self._note(request, row, "study_opened", "Opened again.", words)
-        return redirect("admin:experiments_study_change", row.pk)
-
-    @staticmethod
-    def _note(request: HttpRequest, row: Study, event: str, entry: str, words: str) -> None:
-        publishing.log(row, request.user, entry)
-        audit.note(event, actor=request.user, study=row.slug, detail=f"version {row.version}")
-        messages.success(request, words)
 
 
 # all that is registered here

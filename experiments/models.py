@@ -303,6 +303,12 @@ class Participant(UuidModel):
         return f"{self.code} · {self.study.slug} {self.study.version}"
 
 
+def _participant(related_name: str) -> "ForeignKey[Participant, Participant]":
+    return ForeignKey(
+        Participant, CASCADE, related_name=related_name, verbose_name=_("participant")
+    )
+
+
 class Draw(UuidModel):
     """A cell that was drawn for a participant, with what the draw depended on
     (experiments/participation/assignment.py): `counts` are the places taken in each open cell,
@@ -319,9 +325,7 @@ class Draw(UuidModel):
         AGAIN = "again", _("assigned again, because nothing had been seen of the first")
 
     study = ForeignKey(Study, PROTECT, related_name="draws", verbose_name=_("study"))
-    participant = ForeignKey(
-        Participant, CASCADE, related_name="draws", verbose_name=_("participant")
-    )
+    participant = _participant("draws")
     kind = models.CharField(_("kind"), max_length=12, choices=ParticipantKind)
     number = models.PositiveIntegerField(_("number"))
     nth = models.PositiveIntegerField(_("of the participant"))
@@ -351,9 +355,7 @@ class Draw(UuidModel):
 class ConsentReceipt(UuidModel):
     """The texts to which a participant agreed."""
 
-    participant = ForeignKey(
-        Participant, CASCADE, related_name="consents", verbose_name=_("participant")
-    )
+    participant = _participant("consents")
     step = models.CharField(_("step"), max_length=40)
     version = models.PositiveIntegerField(_("version"))
     language = models.CharField(_("language"), max_length=16)
@@ -468,9 +470,7 @@ class Appointment(UuidModel):
     one time one fails.
     """
 
-    participant = ForeignKey(
-        Participant, CASCADE, related_name="appointments", verbose_name=_("participant")
-    )
+    participant = _participant("appointments")
     robot = ForeignKey("robots.Robot", CASCADE, related_name="+", verbose_name=_("robot"))
     visit = models.PositiveIntegerField(_("visit"))
     starts_at = models.DateTimeField(_("starts"), db_index=True)
@@ -490,9 +490,7 @@ class Appointment(UuidModel):
 class StepVisit(UuidModel):
     """A participant on a step, from seeing it first to going on; the funnel counts these."""
 
-    participant = ForeignKey(
-        Participant, CASCADE, related_name="step_visits", verbose_name=_("participant")
-    )
+    participant = _participant("step_visits")
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
     step = models.CharField(_("step"), max_length=40)
@@ -517,9 +515,7 @@ class StepResponse(UuidModel):
     response = OneToOneField(
         "surveys.Response", CASCADE, related_name="asked_at", verbose_name=_("response")
     )
-    participant = ForeignKey(
-        Participant, CASCADE, related_name="responses", verbose_name=_("participant")
-    )
+    participant = _participant("responses")
     visit = models.PositiveIntegerField(_("visit"))
     round = models.PositiveIntegerField(_("round"))
     step = models.CharField(_("step"), max_length=40)
@@ -545,9 +541,7 @@ class Drive(UuidModel):
     participant's page reported that it shows the robot's video.
     """
 
-    participant = ForeignKey(
-        Participant, CASCADE, related_name="drives", verbose_name=_("participant")
-    )
+    participant = _participant("drives")
     session = OneToOneField(Session, CASCADE, related_name="drive", verbose_name=_("session"))
     step = models.CharField(_("step"), max_length=40)
     visit = models.PositiveIntegerField(_("visit"))

@@ -21,7 +21,6 @@ from experiments.definition.factors import of_condition
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.plan import AttentionCheck
 from experiments.definition.problems import doubts, name_problems, problems
-from experiments.definition.reachability import unreachable
 from experiments.definition.schema import StudyDefinition, as_stored, digest
 from experiments.definition.step import AskingStep, DriveStep
 from experiments.definition.steps.consent import SHARING, TEMPLATE
@@ -203,7 +202,7 @@ def problems_of(row: Row) -> list[Problem]:
 def obstacles_here(definition: StudyDefinition) -> list[Problem]:
     """Return why a study cannot run with the sites, robots and questionnaires of this server."""
     return [
-        *obstacles(definition, known_here(), unreachable),
+        *obstacles(definition, known_here()),
         *_robots_elsewhere(definition),
         *_unknown_measures(definition),
         *_named_answers(definition),
@@ -213,7 +212,6 @@ def obstacles_here(definition: StudyDefinition) -> list[Problem]:
 
 
 def _missing_media(definition: StudyDefinition) -> Iterator[Problem]:
-    """Yield the steps with an uploaded picture that is only on the site where it was uploaded."""
     for n, step in enumerate(definition.steps):
         pages = step.leaves if isinstance(step, Instructions) else ()
         own = {one.picture for one in pages if (one.picture or "").startswith(OWN_MEDIA)}
@@ -315,8 +313,7 @@ def _balance_factors(definition: StudyDefinition) -> Iterator[Problem]:
     for factor in definition.allocation.balance:
         questionnaire, _point, item = factor.item.rpartition(".")
         found = [one for one in _questionnaires(asked) if one.slug == questionnaire]
-        consent = definition.consent
-        words = ""
+        consent, words = definition.consent, ""
         if not questionnaire and (consent is None or not consent.minimum_age):
             words = _("the consent does not ask the age: give it a minimum age.")
         elif questionnaire and not found:
@@ -329,7 +326,6 @@ def _balance_factors(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def shipped_questionnaires() -> dict[tuple[str, int], QuestionnaireDefinition]:
-    """Return the questionnaires that come with the site, by name and version."""
     return {(one.slug, one.version): one for one in questionnaires.shipped().values()}
 
 
@@ -422,13 +418,8 @@ def publish(
 ) -> Row:
     """Open a draft to participants, freeze its definition, and close the former version.
 
-    Args:
-        row: the draft.
-        user: the publisher, for the log; None for a command.
-        reason: for publishing without a rehearsal that passed; needed only then.
-        now: the time.
-        is_confirmed: whether the publisher confirmed what is doubtful
-            (experiments.definition.problems.doubts).
+    `user` is None for a command. A `reason` is needed without a rehearsal that passed.
+    `is_confirmed`: the publisher has confirmed the doubts.
 
     Raises:
         NotPublishableError: with every reason.
@@ -471,7 +462,6 @@ def publish(
 
 
 def log(row: Model, user: Any, text: str) -> None:
-    """Write to the administration's log what a user did with a study or a part of it."""
     if user is not None:
         LogEntry.objects.log_actions(user.pk, [row], CHANGE, text, single_object=True)
 
@@ -505,6 +495,5 @@ def reopen(row: Row) -> Row:
 
 
 def may_delete(row: Row) -> bool:
-    """Tell whether a study is a draft without participants and personal links."""
     used = row.participants.exists() or PersonalLink.objects.filter(study=row).exists()
     return row.status == Row.Status.DRAFT and not used

@@ -51,5 +51,4 @@ def connect() -> None:
 
 
 def _member_changed(instance: StudyMember, **_more: Any) -> None:
-    """Make the open pages of a member with a changed role check their access."""
     check_pages(visitor_group(instance.user_id))

@@ -52,7 +52,6 @@ class StateReader(Generic[S]):
             )
 
     def of(self, session: object) -> Iterator[S]:
-        """Yield the stored states of a session in order of reception."""
         for chunk in self.chunks_of(session):
             yield from chunk.states
 
@@ -77,7 +76,6 @@ def clock_offsets(session: object) -> "QuerySet[StateChunk, float]":
 
 
 def newest_chunk(session: object) -> StateChunk | None:
-    """Return the row that was received last; None for none."""
     return _chunks(session).last()
 
 

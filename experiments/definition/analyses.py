@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from experiments.definition.design import TitledPart
 from surveys.documents import DocumentPart, Key, Text
 
 # "metric", or "questionnaire.item" with an item, topic or "overall"
@@ -25,7 +26,7 @@ class Contrast(DocumentPart, frozen=True, kw_only=True):
     second: tuple[Key, ...]
 
 
-class DeclaredAnalysis(DocumentPart, frozen=True, kw_only=True):
+class DeclaredAnalysis(TitledPart, frozen=True, kw_only=True):
     """One family of tests of each of `measures`.
 
     Tests are of `means` or `ranks` of participants, or of drives: `proportions` (completed),
@@ -39,8 +40,6 @@ class DeclaredAnalysis(DocumentPart, frozen=True, kw_only=True):
     coefficients; terms are always tested in sum coding.
     """
 
-    key: Key
-    title: Text
     measures: Annotated[tuple[Measure, ...], Meta(max_length=40)] = ()
     test: Literal["means", "ranks", "proportions", "counts", "times", "mixed"] = "means"
     contrasts: Annotated[tuple[Contrast, ...], Meta(max_length=40)] = ()
@@ -56,5 +55,4 @@ class DeclaredAnalysis(DocumentPart, frozen=True, kw_only=True):
         return self.test == "mixed" or bool(self.effects)
 
     def interacts(self, factor: str) -> bool:
-        """Tell whether the model has an interaction with a factor."""
         return any(":" in effect and factor in effect.split(":") for effect in self.effects)

@@ -12,8 +12,7 @@ from surveys.documents import gettext_noop as _
 
 MAX_CODES, MAX_MODIFIERS, MAX_VALUES = 40, 5, 20
 MAX_NAME, MAX_DESCRIPTION = 80, 500
-# Keys of the replay's player.
-TAKEN_KEYS = frozenset("k+- ")
+TAKEN_KEYS = frozenset("k+- ")  # of the replay's player
 # BORIS separates modifiers by these (boris/config.py, CHAR_FORBIDDEN_IN_MODIFIERS).
 FORBIDDEN_IN_MODIFIERS = frozenset("(|),`~")
 

@@ -32,31 +32,25 @@ def lease_limits(condition: Condition) -> LeaseLimits:
 
 
 def config(condition: Condition, doors: Iterable[str], *, stamp: float, seed: int) -> Config:
-    """Return what the server sets on the robot for a condition.
+    """Return what the server sets on the robot for a condition, at `stamp` (Unix time in s).
 
-    Args:
-        condition: the assigned one.
-        doors: the names of all doors of the site; those that it does not close are opened.
-        stamp: Unix time in s.
-        seed: of the session; for the random losses and jitter of its network.
+    `doors` are all doors of the site: those that the condition does not close are opened. `seed` is
+    that of the session, for the random losses and jitter of its network.
     """
-    states: dict[str, DoorState] = {
-        name: "closed" if name in condition.doors_closed else "open" for name in doors
-    }
-    control, video = condition.network.control, condition.network.video
+    closed: frozenset[str] = frozenset(condition.doors_closed)
+    states: dict[str, DoorState] = {one: "closed" if one in closed else "open" for one in doors}
     return Config(
         stamp=stamp,
         assist=condition.assist,
         doors=states,
-        control_network=_lab(control, seed),
-        video_network=_lab(video, seed + 1),
+        control_network=_lab(condition.network.control, seed),
+        video_network=_lab(condition.network.video, seed + 1),
     )
 
 
 def _lab(impairment: Impairment | None, seed: int) -> NetworkLab | None:
-    if _effective(impairment) is None or impairment is None:
-        return None
-    return NetworkLab(**asdict(impairment), seed=seed)
+    found = _effective(impairment)
+    return NetworkLab(**asdict(found), seed=seed) if found is not None else None
 
 
 @dataclass
@@ -88,9 +82,8 @@ class Applied:
         self.ways |= {command.way for command in state.applied}
         # without a driver, the networks are not those of the condition
         if state.applied:
-            self.impaired.add(
-                (_impairment(state.control_network), _impairment(state.video_network))
-            )
+            networks = state.control_network, state.video_network
+            self.impaired.add((_impairment(networks[0]), _impairment(networks[1])))
         self.control_network = state.control_network or self.control_network
         self.video_network = state.video_network or self.video_network
 
@@ -105,9 +98,7 @@ OF_THE_DRIVER = frozenset({"control_way", "controllers", "actions"})
 def mismatches(
     condition: Condition, applied: Applied, *, by_wizard: bool = False
 ) -> tuple[str, ...]:
-    """Return the fields of a condition that were not in force, in their order. `by_wizard` is
-    whether a hidden operator drove.
-    """
+    """Return the fields of a condition that were not in force; `by_wizard`: an operator drove."""
     network, speed = condition.network, condition.speed
     networks = _effective(network.control), _effective(network.video)
     wrong = {

@@ -34,7 +34,6 @@ class CourseStop:
         )
 
     def distance(self, x: float, y: float) -> float:
-        """Return how far a point is, in metres."""
         return math.dist((x, y), (self.x, self.y))
 
 
@@ -99,7 +98,6 @@ class Motion:
     end: Point
 
     def nearest(self, x: float, y: float) -> Point:
-        """Return its point that is nearest to another."""
         (ax, ay), (bx, by) = self.start, self.end
         dx, dy = bx - ax, by - ay
         square = dx * dx + dy * dy

@@ -10,15 +10,12 @@ from experiments.definition.course import CourseTrack, Sight
 from experiments.definition.schema import Outcome
 from robots.api.messages import Point
 
-CourseKey = Literal[
-    "wait_for_picture", "leave_station", "go_to_checkpoint", "wrong_checkpoint", "lost"
-]
-PhotoKey = Literal[
-    "photo_turn_left", "photo_turn_right", "photo_move", "photo_ready", "photo_review"
-]
+CourseKey = Literal["wait_for_picture", "leave_station", "go_to_checkpoint", "wrong_checkpoint"]
+TurnKey = Literal["photo_turn_left", "photo_turn_right"]
+PhotoKey = Literal[TurnKey, "photo_move", "photo_ready", "photo_review"]
 DockingKey = Literal["dock_now", "dock_hold", "dock_again"]
 EndKey = Literal["completed", "timed_out", "ended"]
-CueKey = Literal[CourseKey, PhotoKey, "return_home", DockingKey, "docked_early", EndKey]
+CueKey = Literal[CourseKey, "lost", PhotoKey, "return_home", DockingKey, "docked_early", EndKey]
 Window = Literal["shut", "open", "review"]
 
 NEAR_HOME = 1.5  # metres from the station at which the participant is asked to dock

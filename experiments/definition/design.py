@@ -16,6 +16,11 @@ ControlWay = Literal["any", "datachannel", "mqtt"]
 Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
 
 
+class TitledPart(DocumentPart, frozen=True, kw_only=True):
+    key: Key
+    title: Text
+
+
 class LevelSettings(DocumentPart, frozen=True, kw_only=True):
     """What a level sets in each condition that has it; None leaves a setting to the condition.
     Delays and jitters in s, losses as shares of the packets, speed limits in m/s and rad/s.
@@ -45,20 +50,17 @@ else:
     Setting = Literal[LevelSettings.__struct_fields__]
 
 
-class Level(DocumentPart, frozen=True, kw_only=True):
-    key: Key
-    title: Text
+class Level(TitledPart, frozen=True, kw_only=True):
     sets: LevelSettings = LevelSettings()
 
 
-class Factor(DocumentPart, frozen=True, kw_only=True):
-    """What is varied. A participant has all levels of a `within` factor and one of a `between`
-    factor; a study with both has a mixed design. Each level sets what the factor `changes`: nothing
-    if levels differ in instructions only. The first level is the reference of treatment coding.
+class Factor(TitledPart, frozen=True, kw_only=True):
+    """A property that a study varies. A participant has all levels of a `within` factor and one of
+    a `between` factor; a study with both has a mixed design. Each level sets what the factor
+    `changes`: nothing if levels differ in instructions only. The first level is the reference of
+    treatment coding.
     """
 
-    key: Key
-    title: Text
     design: Design = "between"
     changes: tuple[Setting, ...] = ()
     levels: Annotated[tuple[Level, ...], Meta(max_length=24)] = ()

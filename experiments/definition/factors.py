@@ -68,7 +68,6 @@ def levels_of(study: StudyDefinition, condition: Condition) -> list[tuple[Factor
 
 
 def with_levels(condition: Condition, cell: Iterable[tuple[Factor, Level]]) -> Condition:
-    """Return a condition with what its levels set."""
     for factor, level in cell:
         for name in factor.changes:
             value = getattr(level.sets, name)
@@ -199,7 +198,6 @@ def _of_cells(study: StudyDefinition) -> Iterator[Problem]:
 
 
 def cell_of(condition: Condition, factors: Sequence[Factor]) -> tuple[tuple[str, str], ...]:
-    """Return the levels of a condition, in the order of the factors."""
     return tuple((factor.key, condition.levels.get(factor.key, "")) for factor in factors)
 
 

@@ -1,26 +1,25 @@
-"""Whether a study can run with the robots, sites and questionnaires of a server. Pure."""
+"""Whether a study can run with the robots, sites and questionnaires of a server."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
+from msgspec.structs import replace
+
+from experiments.definition import slowing
 from experiments.definition import wizard as wizards
 from experiments.definition.design import OwnAction
 from experiments.definition.factors import of_condition
 from experiments.definition.problems import length_of, of_course
 from experiments.definition.schema import Condition, Course, Network, StudyDefinition
-from experiments.definition.slowing import (
-    REAL_COMMANDS,
-    REAL_PICTURES,
-    latest,
-    longest_video_delay,
-    predicted,
-)
 from experiments.definition.step import AskingStep
-from robots.api.floorplan import ChargingDock, FloorPlan
+from robots.api.floorplan import ChargingDock, FloorPlan, Wall
 from robots.api.geometry import Pose2D
 from robots.api.messages import Capability, Point
+from robots.world.inspection import BACKED_OUT, Floor
+from robots.world.render_plan import rasterise
 from surveys.documents import Problem, ProblemPlace, within
 from surveys.documents import gettext_noop as _
 
@@ -33,7 +32,7 @@ CAPABILITY: dict[OwnAction, Capability] = {
     "tilt": "tilt",
 }
 NETWORK_LAB: Capability = "network_lab"
-# Of the ages that a robot accepts, what is reserved for the real network and the page, in s.
+# The parts of the accepted ages that are reserved for the real network and the page, in s.
 ROOM_FOR_COMMANDS, ROOM_FOR_PICTURES = 0.05, 0.15
 ROUNDING = 1e-9
 SLOW_COMMANDS = _(
@@ -49,8 +48,7 @@ SLOW_VIDEO = _(
     "video less."
 )
 SAME_PLACE = 0.5  # largest distance of checkpoint 0 from the docked pose, in metres
-
-Unreachable = Callable[[FloorPlan, Iterable[str], Pose2D, Sequence[tuple[Point, float]]], list[int]]
+CELLS = 2.0  # the distance of free floor from the point before a station
 
 
 @dataclass(frozen=True)
@@ -76,32 +74,30 @@ class Known:
     interfaces: frozenset[str] = frozenset({"standard"})
 
 
-def obstacles(study: StudyDefinition, known: Known, unreachable: Unreachable) -> Iterator[Problem]:
-    """Yield why a study without problems of its own is impossible here. `unreachable` is that of
-    reachability.py, or a double.
-    """
+def obstacles(study: StudyDefinition, known: Known) -> Iterator[Problem]:
+    """Yield why a study without problems of its own is impossible here."""
     for n, step in enumerate(study.steps):
-        if not isinstance(step, AskingStep):
-            continue
-        if (step.questionnaire, step.version) not in known.questionnaires:
+        if (
+            isinstance(step, AskingStep)
+            and (step.questionnaire, step.version) not in known.questionnaires
+        ):
             words = _("there is no usable questionnaire %(name)s, version %(n)d.")
             wrong = Problem(words, {"name": step.questionnaire, "n": step.version})
             yield from within([wrong], ProblemPlace("steps", n), _("Step"), step.key)
     for n, course in enumerate(study.courses):
         yield from of_course(n, course, _of_course(course, known))
     for n, condition in enumerate(study.conditions):
-        found = _of_condition(study, condition, known, unreachable)
-        yield from of_condition(n, condition, found)
+        yield from of_condition(n, condition, _of_condition(study, condition, known))
 
 
 def dock_of(course: Course, plan: FloorPlan) -> ChargingDock | None:
-    """Return the station of a course: the one that it names, or the only one for its robot; None
-    for none or several.
-    """
-    fitting = [
-        dock for dock in plan.docks if dock.type == course.robot and course.dock in {"", dock.name}
-    ]
+    """Return the station that a course names, or the only one for its robot."""
+    fitting = [dock for dock in _docks(course, plan) if dock.type == course.robot]
     return fitting[0] if len(fitting) == 1 else None
+
+
+def _docks(course: Course, plan: FloorPlan) -> list[ChargingDock]:
+    return [dock for dock in plan.docks if course.dock in {"", dock.name}]
 
 
 def _of_course(course: Course, known: Known) -> Iterator[Problem]:
@@ -135,12 +131,11 @@ def _middle(start: Point, end: Point) -> Point:
 
 
 def _of_dock(course: Course, plan: FloorPlan) -> Iterator[Problem]:
-    named = [dock for dock in plan.docks if course.dock in {"", dock.name}]
+    named = _docks(course, plan)
     fitting = [dock for dock in named if dock.type == course.robot]
     if not named:
-        words = _("there is no charging station.")
-        if course.dock:
-            words = _("there is no charging station %(name)s.")
+        one = _("there is no charging station %(name)s.")
+        words = one if course.dock else _("there is no charging station.")
         yield Problem(words, {"name": course.dock})
     elif not fitting:
         words = _("no charging station of the course fits %(robot)s.")
@@ -155,9 +150,7 @@ def _of_dock(course: Course, plan: FloorPlan) -> Iterator[Problem]:
             yield _of_checkpoint(words, 0, name=dock.name)
 
 
-def _of_condition(
-    study: StudyDefinition, condition: Condition, known: Known, unreachable: Unreachable
-) -> Iterator[Problem]:
+def _of_condition(study: StudyDefinition, condition: Condition, known: Known) -> Iterator[Problem]:
     if condition.interface not in known.interfaces:
         yield Problem(_("there is no interface profile %(name)s."), {"name": condition.interface})
     robot = known.robots.get(condition.robot)
@@ -171,7 +164,7 @@ def _of_condition(
         places = frozenset(place.name for place in plan.places)
         yield from wizards.obstacles(wizard, places, robot.capabilities)
     if plan is not None and course is not None:
-        yield from _of_route(condition, course, plan, unreachable)
+        yield from _of_route(condition, course, plan)
 
 
 def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
@@ -219,13 +212,11 @@ def too_fast(condition: Condition, robot: RobotFacts) -> dict[str, Problem]:
 
 
 def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
-    """Yield why this robot cannot be driven over the network of a condition, or why the condition
-    would measure the robot's limits on age.
-    """
     if condition.network != Network() and NETWORK_LAB not in robot.capabilities:
         words = _("%(robot)s cannot impair its network: remove the delay, loss or limit.")
         yield Problem(words, {"robot": condition.robot})
-    there, back = latest(condition.network.control), latest(condition.network.video)
+    there = slowing.latest(condition.network.control)
+    round_trip = there + slowing.latest(condition.network.video)
     commands = _(
         "commands would be delayed by up to %(late)g ms; %(robot)s accepts none older than "
         "%(age)g ms, and %(room)g ms of that are reserved for the real network."
@@ -238,7 +229,7 @@ def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
     too_late = False
     for words, late, age, room in (
         (commands, there, robot.command_age, ROOM_FOR_COMMANDS),
-        (frames, there + back, robot.frame_age, ROOM_FOR_PICTURES),
+        (frames, round_trip, robot.frame_age, ROOM_FOR_PICTURES),
     ):
         if late > age - room + ROUNDING:
             too_late = True
@@ -249,16 +240,15 @@ def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
 
 
 def _of_slowing(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
-    """Yield that the robot's safety limits would slow it down, with the speed that is left."""
-    found = predicted(condition.network, robot.command_age, robot.frame_age)
+    found = slowing.predicted(condition.network, robot.command_age, robot.frame_age)
     if not condition.controllers or not found.is_slowed:
         return
     speed = min(robot.linear, condition.speed.linear or math.inf)
-    there, back = latest(condition.network.control), latest(condition.network.video)
-    if there + REAL_COMMANDS > robot.command_age / 2.0:
-        words, late, age = SLOW_COMMANDS, there + REAL_COMMANDS, robot.command_age
-    else:
-        words, late, age = SLOW_VIDEO, there + back + REAL_PICTURES, robot.frame_age
+    there = slowing.latest(condition.network.control)
+    words, late, age = SLOW_COMMANDS, there + slowing.REAL_COMMANDS, robot.command_age
+    if late <= age / 2.0:
+        late = there + slowing.latest(condition.network.video) + slowing.REAL_PICTURES
+        words, age = SLOW_VIDEO, robot.frame_age
     values = {
         "robot": condition.robot,
         "late": 1000.0 * late,
@@ -266,16 +256,14 @@ def _of_slowing(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
         "left": found.share * speed,
         "speed": speed,
         "refused": 100.0 * found.refused,
-        "most": 1000.0 * longest_video_delay(Network(), robot.frame_age),
+        "most": 1000.0 * slowing.longest_video_delay(robot.frame_age),
     }
     yield Problem(words, values)
     if found.refused >= 0.005:
         yield Problem(_("the robot would refuse %(refused).0f%% of the commands."), values)
 
 
-def _of_route(
-    condition: Condition, course: Course, plan: FloorPlan, unreachable: Unreachable
-) -> Iterator[Problem]:
+def _of_route(condition: Condition, course: Course, plan: FloorPlan) -> Iterator[Problem]:
     doors = {door.name for door in plan.doors}
     unknown = [name for name in condition.doors_closed if name not in doors]
     for name in unknown:
@@ -283,14 +271,25 @@ def _of_route(
     dock = dock_of(course, plan)
     if dock is None or unknown:
         return
-    spots = [
-        ((checkpoint.x, checkpoint.y), checkpoint.radius) for checkpoint in course.checkpoints[1:]
-    ]
     words = _("checkpoint %(n)d cannot be reached from the charging station.")
     if condition.doors_closed:
         words = _(
             "checkpoint %(n)d cannot be reached from the charging station with %(doors)s closed."
         )
-    start, closed = Pose2D(dock.x, dock.y, dock.theta), ", ".join(condition.doors_closed)
-    for index in unreachable(plan, condition.doors_closed, start, spots):
-        yield _of_checkpoint(words, course.checkpoints[1:][index].number, doors=closed)
+    floor, closed = _floor(plan, condition.doors_closed), ", ".join(condition.doors_closed)
+    x, y = Pose2D(dock.x, dock.y, dock.theta).apply(-BACKED_OUT, 0.0)
+    home = floor.about(x, y, CELLS * floor.grid.transform.resolution)[1]
+    for one in course.checkpoints[1:]:
+        if not home & floor.about(one.x, one.y, one.radius / 2.0)[1]:
+            yield _of_checkpoint(words, one.number, doors=closed)
+
+
+@lru_cache(maxsize=16)
+def _floor(plan: FloorPlan, closed: tuple[str, ...]) -> Floor:
+    """Return the floor of the site's inspection, where a closed door is a wall."""
+    leaves = [
+        Wall(start=door.start, end=door.end, thickness=door.thickness)
+        for door in plan.doors
+        if door.name in closed
+    ]
+    return Floor.of(rasterise(replace(plan, walls=(*plan.walls, *leaves))))

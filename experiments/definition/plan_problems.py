@@ -2,6 +2,8 @@
 
 from collections.abc import Iterator
 
+from msgspec.structs import astuple
+
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.plan import (
     AttentionCheck,
@@ -19,14 +21,7 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     plan = study.plan
     if plan is None:
         return
-    own = (
-        plan.question,
-        plan.rationale,
-        plan.stopping,
-        plan.blinding,
-        plan.missing_data,
-        plan.notes,
-    )
+    own = [text for text in astuple(plan) if isinstance(text, str)]
     texts = (one.text for one in plan.hypotheses)
     answers = (one.answer for one in plan.attention_checks)
     for text in (*own, *texts, *answers):

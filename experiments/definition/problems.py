@@ -39,7 +39,6 @@ def parse(document: bytes) -> StudyDefinition:
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield the problems of a study whose types are right."""
     yield from _of_the_whole(study)
     yield from within(_of_all_steps(study), ProblemPlace("steps"))
     for n, step in enumerate(study.steps):
@@ -70,7 +69,6 @@ def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Prob
 
 
 def name_problems(slug: str) -> Iterator[Problem]:
-    """Yield why a study cannot have a name."""
     if slug in TAKEN_NAMES:
         words = _(
             "The name %(name)s is reserved for other addresses of the site: give the study another "
@@ -135,7 +133,7 @@ def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
 
 
 def doubts(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield what is allowed but probably a mistake; the publisher of the study confirms it."""
+    """Yield settings that are allowed but probably a mistake; the publisher confirms them."""
     task = study.task
     if task is None or not participants_do_several(study):
         return

@@ -49,12 +49,10 @@ class PublicationDetails(msgspec.Struct, frozen=True, kw_only=True, omit_default
 
 
 def plain_orcid(text: str) -> str:
-    """Return an ORCID iD without an address before it."""
     return text.strip().removeprefix("http://").removeprefix("https://").removeprefix("orcid.org/")
 
 
 def plain_doi(text: str) -> str:
-    """Return a DOI without an address or a word before it."""
     return re.sub(r"^(https?://(dx\.)?doi\.org/|doi:\s*)", "", text.strip(), flags=re.IGNORECASE)
 
 
@@ -78,22 +76,19 @@ def is_address(text: str) -> bool:
 
 
 def from_stored(stored: Any) -> PublicationDetails:
-    """Return details from stored JSON.
-
-    Raises:
-        msgspec.ValidationError: it is not that of publication details.
-    """
     return msgspec.convert(stored, PublicationDetails)
 
 
 def json_ld(details: PublicationDetails) -> dict[str, Any]:
     """Return the details as members of a schema.org Dataset, without empty ones."""
-    works = []
-    if details.preregistration:
-        url = {"url": details.preregistration}
-        works.append(_named("CreativeWork", PREREGISTRATION) | url)
-    if details.ethics:
-        works.append(_named("CreativeWork", ETHICS) | {"text": details.ethics})
+    works = [
+        _named("CreativeWork", name) | {key: text}
+        for name, key, text in (
+            (PREREGISTRATION, "url", details.preregistration),
+            (ETHICS, "text", details.ethics),
+        )
+        if text
+    ]
     found = {
         "author": [_person(one) for one in details.authors],
         "license": f"{SPDX}{details.license}" if details.license else "",

@@ -1,13 +1,9 @@
 """The definition of a study: version 1 of the JSON format, one class for each kind of part.
 
-A study has *steps* that participants go through, *conditions* that are compared, and *courses* that
-are driven; what happens when follows from it alone (experiments/participation/assignment.py,
-experiments/tasks/engine.py). A published definition is frozen by its SHA-256. Stored, exported and
-hashed definitions contain every value, so that changed defaults of a release change no study.
-
-Texts are objects by language. Units are metres, radians, m/s and s in the frame of the site's map,
-unless a name says minutes. The classes refuse unknown fields and wrong types; problems.py checks
-the rest, feasibility.py what depends on the sites, robots and questionnaires of a server.
+A published definition is frozen by its SHA-256. Stored, exported and hashed definitions contain
+every value, so that changed defaults of a release change no study. Texts are objects by language.
+Units are metres, radians, m/s and s in the frame of the site's map, unless a name says minutes.
+The classes check types, problems.py the rest, feasibility.py what depends on a server.
 docs/reference/studies.md explains every field.
 """
 
@@ -27,6 +23,7 @@ from experiments.definition.design import (
     Factor,
     Levels,
     OwnAction,
+    TitledPart,
 )
 from experiments.definition.plan import StudyPlan
 from experiments.definition.recruitment.recruiting import (
@@ -135,14 +132,12 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
     angular: Positive | None = None
 
 
-class Condition(DocumentPart, frozen=True, kw_only=True):
+class Condition(TitledPart, frozen=True, kw_only=True):
     """What a participant drives with, and cannot change. `levels` are its cell: its level of each
     factor. `robot` is a series. After `idle_seconds` without input the page asks whether the
     driver is there; None or 0: never.
     """
 
-    key: Key
-    title: Text
     levels: Levels = {}
     robot: PlanKey
     site: PlanKey
@@ -306,7 +301,6 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
 
     @property
     def tells_of_operator(self) -> bool:
-        """Whether its debriefing tells of the hidden operator in every language."""
         return all(self.operator_text.get(name, "").strip() for name in self.languages)
 
     @property

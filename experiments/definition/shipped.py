@@ -12,6 +12,5 @@ SHIPPED = Path(__file__).resolve().parents[1] / "definitions"
 
 @cache
 def shipped() -> Mapping[str, StudyDefinition]:
-    """Return them by name."""
     studies = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {study.slug: study for study in studies}

@@ -4,6 +4,7 @@ study of delay would measure these limits as well.
 """
 
 from dataclasses import dataclass
+from itertools import product
 
 from experiments.definition.schema import Impairment, Network
 from robots.api.age_limits import fading
@@ -28,25 +29,25 @@ class SafetyPrediction:
 
 
 def predicted(network: Network, command_age: float, frame_age: float) -> SafetyPrediction:
-    """Return what is left of a drive over a network by a robot that accepts such ages, in s. A
-    jitter J spreads a delay evenly from J below to J above (robots/agent/lab).
+    """Return the speed that a robot with these limits on age, in s, keeps on a network. A jitter J
+    spreads a delay evenly from J below to J above (robots/agent/lab).
     """
-    shares: list[float] = []
-    refused = 0
-    for there in _delays(network.control):
-        for back in _delays(network.video):
-            command, frame = there + REAL_COMMANDS, there + back + REAL_PICTURES
-            if command >= command_age or frame >= frame_age:
-                refused += 1
-            else:
-                shares.append(min(fading(command, command_age), fading(frame, frame_age)))
+    ages = [
+        (there + REAL_COMMANDS, there + back + REAL_PICTURES)
+        for there, back in product(_delays(network.control), _delays(network.video))
+    ]
+    shares = [
+        min(fading(command, command_age), fading(frame, frame_age))
+        for command, frame in ages
+        if command < command_age and frame < frame_age
+    ]
     share = sum(shares) / len(shares) if shares else 0.0
-    return SafetyPrediction(share, refused / (refused + len(shares)))
+    return SafetyPrediction(share, (len(ages) - len(shares)) / len(ages))
 
 
-def longest_video_delay(network: Network, frame_age: float) -> float:
+def longest_video_delay(frame_age: float) -> float:
     """Return the longest delay of the video, in s, at which a robot does not slow down."""
-    return max(0.0, frame_age / 2.0 - REAL_PICTURES - latest(network.control))
+    return max(0.0, frame_age / 2.0 - REAL_PICTURES)
 
 
 def latest(impairment: Impairment | None) -> float:
@@ -55,10 +56,8 @@ def latest(impairment: Impairment | None) -> float:
 
 
 def _delays(impairment: Impairment | None) -> list[float]:
-    if impairment is None:
-        return [0.0]
-    if not impairment.jitter:
-        return [impairment.delay]
+    if impairment is None or not impairment.jitter:
+        return [latest(impairment)]
     return [
         max(0.0, impairment.delay + impairment.jitter * (2.0 * step / (STEPS - 1) - 1.0))
         for step in range(STEPS)

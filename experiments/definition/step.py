@@ -7,14 +7,15 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from surveys.documents import DocumentPart, Key, Problem, Slug, Text
+from experiments.definition.design import TitledPart
+from surveys.documents import Problem, Slug, Text
 from surveys.documents import gettext_noop as _
 
 Version = Annotated[int, Meta(ge=1, le=9999)]
 Minutes = Annotated[float, Meta(gt=0.0, le=600.0)]
 
 
-class Step(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
+class Step(TitledPart, frozen=True, kw_only=True, tag_field="kind"):
     """A step. With `repeat` it is done once for each condition of a participant, else once."""
 
     may_repeat: ClassVar[bool] = True
@@ -23,8 +24,6 @@ class Step(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
     # A participant who reaches it is done.
     is_end: ClassVar[bool] = False
 
-    key: Key
-    title: Text
     repeat: bool = False
 
     @property
@@ -57,8 +56,6 @@ class Step(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
 
 
 class AskingStep(Step, frozen=True, kw_only=True):
-    """A step with a questionnaire."""
-
     # Asked once; other questionnaires are asked once in each visit and round.
     is_about_person: ClassVar[bool] = False
 

@@ -8,24 +8,21 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from experiments.definition.design import TitledPart
 from robots.api.floorplan import Key as PlanKey
 from robots.api.messages import Capability
 from surveys.documents import DocumentPart, Key, Problem, ProblemPlace, Text, duplicates, within
 from surveys.documents import gettext_noop as _
 
 MOST_DRIVE_SECONDS = 10.0
-# Keys that drive by hand on the operator's page.
-DRIVING_KEYS = frozenset("wasd")
-# Characters of robots.api.messages.Say.
-LONGEST_LINE = 500
+DRIVING_KEYS = frozenset("wasd")  # by hand, on the operator's page
+LONGEST_LINE = 500  # characters of robots.api.messages.Say
 
 Shortcut = Annotated[str, Meta(pattern=r"^[0-9a-z]?$")]
 
 
 class PlaceMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="place"):
-    """The robot goes to a named place of the site."""
-
-    name: PlanKey
+    name: PlanKey  # of a place of the site
 
 
 class DockMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="dock"):
@@ -37,20 +34,15 @@ class UndockMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class TiltMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="tilt"):
-    """The robot tilts its head; positive is down."""
-
-    angle: Annotated[float, Meta(ge=-1.6, le=1.6)]
+    angle: Annotated[float, Meta(ge=-1.6, le=1.6)]  # positive: the head looks down
 
 
 class TurnMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="turn"):
-    """The robot turns on the spot, by default around; positive is counter-clockwise."""
-
-    angle: Annotated[float, Meta(ge=-3.15, le=3.15)] = 3.14
+    angle: Annotated[float, Meta(ge=-3.15, le=3.15)] = 3.14  # positive: counter-clockwise
 
 
 class DriveMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="drive"):
-    """The robot drives at a velocity, within the limits of robot and condition."""
-
+    # within the limits of robot and condition
     linear: Annotated[float, Meta(ge=-2.0, le=2.0)] = 0.0
     angular: Annotated[float, Meta(ge=-3.0, le=3.0)] = 0.0
     seconds: Annotated[float, Meta(gt=0.0, le=MOST_DRIVE_SECONDS)]
@@ -67,14 +59,12 @@ NEEDS: Mapping[type, Capability] = {
 }
 
 
-class WizardStep(DocumentPart, frozen=True, kw_only=True):
+class WizardStep(TitledPart, frozen=True, kw_only=True):
     """A button of the operator's page: the robot says a `line` (`aloud`, or only on its screen) or
     makes a `move`. `shortcut` is its key. It is recorded as late more than `within` seconds after
     the step before it, or after the start of the session.
     """
 
-    key: Key
-    title: Text
     shortcut: Shortcut = ""
     line: Text = {}
     aloud: bool = True
@@ -82,11 +72,7 @@ class WizardStep(DocumentPart, frozen=True, kw_only=True):
     within: Annotated[float, Meta(gt=0.0, le=3600.0)] | None = None
 
 
-class WizardStage(DocumentPart, frozen=True, kw_only=True):
-    """A part of the script."""
-
-    key: Key
-    title: Text
+class WizardStage(TitledPart, frozen=True, kw_only=True):
     steps: Annotated[tuple[WizardStep, ...], Meta(max_length=60)] = ()
 
 
@@ -157,7 +143,6 @@ def _of_step(step: WizardStep, languages: Sequence[str]) -> Iterator[Problem]:
 def obstacles(
     wizard: Wizard, places: frozenset[str], capabilities: frozenset[str]
 ) -> Iterator[Problem]:
-    """Yield the steps of a script that a robot and its site cannot do."""
     for step in wizard.steps:
         if isinstance(step.move, PlaceMove) and step.move.name not in places:
             words = _("the script's step %(key)s goes to %(place)s, which is not a place there.")

@@ -5,7 +5,6 @@ import pytest
 from experiments.definition import conditions
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.problems import parse, problems
-from experiments.definition.reachability import unreachable
 from experiments.definition.schema import digest, to_json
 from experiments.wizard.script import script_of
 from sessions.wizard.script import TimedDrive
@@ -85,7 +84,7 @@ def test_script_steps_beyond_robot_and_site_are_obstacles():
         {"giraff": RobotFacts(ALL - {"say", "goto"}, 0.7)},
         frozenset({("experience", 1)}),
     )
-    found = sentences(obstacles(study, known, unreachable))
+    found = sentences(obstacles(study, known))
     assert any("goes to moon, which is not a place there" in one for one in found)
     assert any("step a (goto)" in one for one in found)
 
