@@ -13,7 +13,7 @@ from experiments.bots.answers import Answering
 from experiments.bots.page import FormChoice, FormField
 from experiments.bots.persona import Persona
 from experiments.dataset.columns import Columns
-from experiments.dataset.files import table
+from experiments.dataset.files import as_csv, table_path
 from experiments.dataset.folder import put, write
 from experiments.dataset.records import (
     Dataset,
@@ -158,5 +158,5 @@ def written(dataset: Dataset, folder: Path) -> Path:
     """Write the dataset with the metrics of its sessions, as an export has them."""
     write(dataset, folder)
     rows = [metric_row(one, dataset.study.quality) for one in measure_all(dataset)]
-    put(table("metrics", rows, METRIC_TABLE), folder)
+    put((table_path("metrics"), as_csv(METRIC_TABLE, rows)), folder)
     return folder
