@@ -10,7 +10,6 @@ import msgspec
 
 from experiments.builder.arrangement import free_key
 from experiments.builder.design import StudyDesign, design_of, new_factor, new_level, with_design
-from experiments.builder.labels import GUIDE
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import Code
 from experiments.definition.design import Factor
@@ -22,7 +21,6 @@ from experiments.definition.steps import KINDS
 from experiments.definition.wizard import WizardStage
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
-from surveys.document_forms.part_form import number
 from surveys.document_forms.parts import Document, in_languages, read_points
 
 # The fields of the study itself, by page.
@@ -279,20 +277,6 @@ def new_part(
         "zones": {"name": f"zone_{n + 1}", "title": {}, "polygon": corners},
     }
     return parts.get(key)
-
-
-def list_in(part: Document, name: str) -> list[Document] | None:
-    """Return the list of a name in a part, created if missing; None for other names."""
-    *path, key = name.split(".")
-    here: Any = part
-    for step in path:
-        if isinstance(here, list):
-            here = dict(enumerate(here)).get(number(step))
-        else:
-            here = here.get(step) if isinstance(here, dict) else None
-    is_list = isinstance(here, dict) and key in GUIDE.items
-    found = here.setdefault(key, []) if is_list else None
-    return found if isinstance(found, list) else None
 
 
 def clicked_point(at: str, default: Point) -> Point:

@@ -303,7 +303,7 @@ def _read(request: HttpRequest, row: Row, place: BuilderPlace, whole: Document) 
     cls = place.cls(former)
     part = StudyPartForm.read(cls, request.POST, only=place.only)
     refused = _store_media(request, row, part)
-    anchor = _press(part, request.POST, whole["languages"])
+    anchor = _press(part, request.POST, place, cls, whole["languages"])
     match place.section:
         case "courses":
             part = pages.renumber(part)
@@ -335,11 +335,13 @@ def _store_media(request: HttpRequest, row: Row, part: Document) -> dict[str, st
     return refused
 
 
-def _press(part: Document, sent: Any, languages: Collection[str]) -> str:
+def _press(
+    part: Document, sent: Any, place: BuilderPlace, cls: type[Any], languages: Collection[str]
+) -> str:
     """Apply a button of a form to one of the lists in it; return the anchor to continue at."""
     verb, name, what = pressed(sent)
-    values = pages.list_in(part, name) if verb in {"add", "remove", "up", "down"} else None
-    if values is None:
+    values = StudyPartForm.list_in(part, name, cls, place.only)
+    if values is None or verb not in {"add", "remove", "up", "down"}:
         return ""
     if verb != "add":
         values[:] = change(values, verb, number(what))

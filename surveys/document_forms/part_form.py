@@ -220,6 +220,28 @@ class PartForm(FormLayout, forms.Form):
             return {language: text for language, text in texts.items() if text}
         return field_of(member).to_python(sent.getlist(name))
 
+    @classmethod
+    def list_in(
+        cls, document: Document, name: str, part: type[Any], only: Collection[str] = ()
+    ) -> list[Document] | None:
+        """Return the list of parts at a path ("factors.0.levels") in the document of a class,
+        created if missing; None for paths that the form does not have.
+        """
+        key, _dot, rest = name.partition(".")
+        member = next((one for one in members(cls.guide, part, only) if one.key == key), None)
+        inner, inner_class = document.get(key), member and (member.part or member.listed)
+        if member is not None and member.listed is not None:
+            if not rest:
+                found: list[Document] = document.setdefault(key, [])
+                return found
+            n, _dot, rest = rest.partition(".")
+            inner = dict(enumerate(inner or ())).get(number(n))
+        elif member is not None and member.part is not None and not member.has_none:
+            inner = document.setdefault(key, {})
+        if inner_class is None or not isinstance(inner, dict):
+            return None
+        return cls.list_in(inner, rest, inner_class)
+
 
 MEANWHILE = gettext_lazy(
     "Not saved: someone else changed this draft. If your change still applies, submit it again."

@@ -231,18 +231,18 @@ def _read(
         questions = list(msgspec.convert(whole, Definition).questions())
         type_answers(part["show_if"], former.get("show_if"), questions)
     verb, name, n = pressed(request.POST)
-    anchor = name
-    if verb == "add" and (made := new_entry(cls, name, part, whole)):
-        part[name] = [*part.get(name, ()), *made]
-        anchor = f"{name}.{len(part[name]) - 1}"
-    elif isinstance(part.get(name), list):
-        part[name] = change(part[name], verb, number(n))
+    anchor, values = name, EditorForm.list_in(part, name, cls, place.only)
+    if values is not None and verb == "add":
+        values += new_entry(cls, name, part, whole)
+        anchor = f"{name}.{len(values) - 1}"
+    elif values is not None:
+        values[:] = change(values, verb, number(n))
         if name == "points":
             # Only the labels move: values must increase.
-            values = [point["value"] for point in part[name]]
-            if all(isinstance(one, int) for one in values):
-                values.sort()
-            part[name] = [one | {"value": n} for one, n in zip(part[name], values, strict=True)]
+            numbers = [point["value"] for point in values]
+            if all(isinstance(one, int) for one in numbers):
+                numbers.sort()
+            values[:] = [one | {"value": n} for one, n in zip(values, numbers, strict=True)]
     offered = _offered(whole, place, part)
     form = EditorForm(cls, part, offered=offered, only=place.only, is_sent=True)
     return SubmittedPart(part, form.refusals, anchor=anchor)
