@@ -67,7 +67,6 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
         return self.by_key.get(key)
 
     def questions_shown(self, seed: int) -> list[Question]:
-        """Return the questions in the order shown for a seed."""
         return [
             self.by_key[key]
             for page in self.pages
@@ -133,7 +132,6 @@ prepare(Definition)
 
 
 def to_json(definition: Definition) -> bytes:
-    """Return a definition as indented JSON with the fields in the order of the classes."""
     return msgspec.json.format(msgspec.json.encode(definition), indent=2) + b"\n"
 
 

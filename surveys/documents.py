@@ -85,7 +85,6 @@ class Problem:
         return self.sentence(str)
 
     def sentence(self, translate: Callable[[str], str]) -> str:
-        """Return the sentence with the names around it."""
         names = (" ".join(str(_in_words(one, translate)) for one in name) for name in self.names)
         return ": ".join([*names, self.text(translate)])
 

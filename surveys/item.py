@@ -181,7 +181,6 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         raise NotImplementedError
 
     def sent(self, value: Any) -> list[str]:
-        """Return a stored value as the page would send it."""
         if isinstance(value, list):
             return list(value)
         return [plain(value) if isinstance(value, float) else str(value)]

@@ -120,7 +120,6 @@ def page_form_of(
 
 
 def _share_a_frame(before: Item, item: Item) -> bool:
-    """Tell whether two neighbours are statements on the same scale."""
     both = (before, item)
     scales = [one.scale for one in both if isinstance(one, ScaleItem) and not one.is_group]
     return len(scales) == len(both) and scales[0] == scales[1]

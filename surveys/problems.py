@@ -26,7 +26,6 @@ def parse(document: bytes) -> Definition:
 
 
 def problems(definition: Definition) -> Iterator[Problem]:
-    """Yield the problems of a definition whose types are right."""
     yield from within(_of_the_whole(definition), ABOUT)
     yield from _of_texts(definition)
     for name, points in definition.scales.items():

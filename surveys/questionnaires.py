@@ -37,7 +37,6 @@ SHIPPED = Path(__file__).resolve().parent / "definitions"
 
 @cache
 def shipped() -> Mapping[str, Definition]:
-    """Return the questionnaires and templates that come with the site, by name."""
     definitions = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {definition.slug: definition for definition in definitions}
 
@@ -53,7 +52,6 @@ def listed_title(slug: str, title: str) -> str:
 
 
 def named_by(term: str) -> list[str]:
-    """Return the questionnaires whose name among researchers contains a term."""
     return [slug for slug, name in INSTRUMENTS.items() if term.strip().lower() in name.lower()]
 
 
@@ -174,7 +172,6 @@ def _problems_in(document: bytes) -> Sequence[Problem]:
 
 
 def is_usable(questionnaire: Questionnaire) -> bool:
-    """Tell whether it can be asked: it has no problems and is no template."""
     return not questionnaire.definition.get("template") and not problems_of(questionnaire)
 
 

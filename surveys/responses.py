@@ -43,7 +43,6 @@ class Respondent:
 
     @property
     def name(self) -> str:
-        """Its part of a response's slot."""
         return f"user:{self.user.pk}" if self.user is not None else f"key:{self.key}"
 
 

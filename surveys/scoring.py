@@ -81,7 +81,6 @@ def topic_scales(definition: Definition) -> tuple[ScoredScale, ...]:
 
 
 def parts_of(definition: Definition) -> tuple[ScoredScale, ...]:
-    """Return the six scales of the TLX, which are reported beside their mean; none for others."""
     scored = definition.scored if definition.scoring == "tlx_raw" else ()
     return tuple(_item_scale(definition, question) for question in scored)
 

@@ -34,7 +34,6 @@ class Renamed:
     hypotheses: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, key: str, value: Any) -> Any:
-        """Return what a field of a document has after the renaming."""
         match key:
             case "effect":
                 return ":".join(self.factors.get(name, name) for name in value.split(":"))
@@ -158,7 +157,6 @@ def _matched(
 def _automatic(
     study: StudyDefinition, cell: Sequence[tuple[Factor, Level]]
 ) -> tuple[str, dict[str, str]]:
-    """Return the generated key and titles of a cell."""
     key = "_".join(level.key for _factor, level in cell)[:MOST_LETTERS].rstrip("_")
     titles = {
         language: ", ".join(filter(None, (spoken(level.title, language) for _one, level in cell)))

@@ -70,7 +70,6 @@ def shared_fields(whole: Document) -> tuple[str, ...]:
 
 
 def with_design(whole: Document, design: Document) -> Document:
-    """Return a study with a changed design and the new shared settings in its conditions."""
     fields, shared = shared_fields(whole), design.get("shared", {})
     own = {"factors": design.get("factors", []), "allocation": design.get("allocation", {})}
     own["conditions"] = [
@@ -222,7 +221,6 @@ def renaming(design: Document) -> Renamed:
 
 
 def values_text(changes: Iterable[str], sets: Mapping[str, Any]) -> str:
-    """Return what a level sets: "300 ms"."""
     known = (name for name in changes if sets.get(name) is not None)
     return ", ".join(setting_text(name, sets[name]) for name in known)
 
@@ -282,7 +280,6 @@ def _level_text(factor: Factor, level: Level) -> str:
 
 
 def _numbers(study: StudyDefinition) -> Iterator[str]:
-    """Yield how many conditions, cells and participants a design has."""
     together = conditions_together(study)
     if not together:
         return

@@ -83,7 +83,6 @@ class StudyForm(DocumentForm):
         return publishing.begin_empty(name, title, languages, timezone.now())
 
     def _take(self, definition: StudyDefinition) -> Study:
-        """Store a definition, as a new study or in place of the draft."""
         is_taken = self.is_new and Study.objects.filter(slug=definition.slug).exists()
         if is_taken and not may(self.user, definition.slug, "owner"):
             words = gettext("The name %(slug)s is taken. Choose another one.")

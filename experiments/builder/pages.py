@@ -91,7 +91,6 @@ class BuilderPlace:
         return PAGES.get(self.section, ())
 
     def put(self, whole: Document, part: Document) -> Document:
-        """Return a study with this part of it replaced."""
         if self.section == DESIGN:
             return with_design(whole, part)
         if self.section == PLAN:
@@ -112,7 +111,6 @@ class BuilderPlace:
 
 
 def parts_in(whole: Document, section: str) -> list[Document]:
-    """Return the parts of a list of the study, or of an optional part of it."""
     around = whole if section in LISTS else whole.get(INNER_LISTS[section]) or {}
     found: list[Document] = around.get(section, [])
     return found
@@ -144,7 +142,6 @@ class AtHand:
 
     @property
     def first(self) -> tuple[str, str]:
-        """A robot and a site for a new condition."""
         return next(iter(self.robots), "robot"), next(iter(self.sites), "site")
 
 
@@ -288,7 +285,6 @@ def clicked_point(at: str, default: Point) -> Point:
 
 
 def middle_of(plan: FloorPlan | None) -> Point:
-    """Return the middle of a site's first room, in metres."""
     if plan is None:
         return 0.0, 0.0
     xs, ys = zip(*plan.rooms[0].polygon, strict=True)

@@ -104,7 +104,6 @@ def linked_doubts(row: Row) -> list[LinkedProblem]:
 
 
 def linked(row: Row, found: Iterable[Problem]) -> list[LinkedProblem]:
-    """Return problems in the language of the page, each with the page on which it is corrected."""
     whole = whole_of(row)
 
     def title(part: Document) -> str:
@@ -132,7 +131,6 @@ class BuilderPages(StudyPages):
         ]
 
     def section_view(self, request: HttpRequest, pk: Any, section: str) -> HttpResponse:
-        """Show or change a page of the study's own fields, or a list of its parts."""
         row = study_for(request, pk, "viewer")
         if section in {*pages.PAGES, PLAN, DESIGN}:
             return self._form(request, row, BuilderPlace(section))
@@ -357,7 +355,6 @@ def _press(
 
 
 def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> list[str]:
-    """Store the input of a form, or return why not."""
     if request.POST.get("sha256") != row.sha256:
         return [str(MEANWHILE)]
     whole, part = whole_of(row), draft.part

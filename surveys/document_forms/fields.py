@@ -52,7 +52,6 @@ def _labels(offers: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
 
 
 def language_name(code: str) -> str:
-    """Return the name of a language, or its code where Django has no name."""
     try:
         return str(capfirst(get_language_info(code)["name_translated"]))
     except KeyError:

@@ -76,7 +76,6 @@ class Group(FormLayout):
 
     @property
     def list_name(self) -> str:
-        """The name of the list that it is, or is in."""
         return self.name if self.number is None else self.name.rpartition(".")[0]
 
     @property

@@ -30,12 +30,10 @@ class AskedField:
 
     @property
     def part(self) -> type[Any] | None:
-        """The class of a part; None for other values."""
         return self.shape.cls if isinstance(self.shape, inspect.StructType) else None
 
     @property
     def listed(self) -> type[Any] | None:
-        """The class of the parts in a list; None for other values."""
         inner = self.shape.item_type if isinstance(self.shape, inspect.VarTupleType) else None
         return inner.cls if isinstance(inner, inspect.StructType) else None
 
@@ -83,7 +81,6 @@ def literals(annotation: Any) -> Iterator[str]:
 
 
 def is_numbered(member: AskedField) -> bool:
-    """Tell whether the parts of a list are numbered by their place."""
     cls = member.listed
     return cls is not None and "number" in member.guide.hidden.get(cls, ())
 
@@ -125,7 +122,6 @@ def change(values: list[Any], verb: str, n: int) -> list[Any]:
 
 
 def in_languages(cls: type[Any], document: Document, languages: Collection[str]) -> Document:
-    """Return a document without the texts in other languages."""
     fields = {one.encode_name: one for one in msgspec.structs.fields(cls)}
     return {
         key: _in_languages(fields[key], value, languages) if key in fields else value

@@ -15,7 +15,6 @@ ByPlace = dict[ProblemPlace, list[str]]
 
 
 def sentences(found: Iterable[Problem | str]) -> list[str]:
-    """Return a sentence for each problem in the language of the page."""
     return [one.sentence(_) if isinstance(one, Problem) else one for one in found]
 
 

@@ -40,7 +40,6 @@ class EditorPlace:
 
     @property
     def only(self) -> Collection[str]:
-        """The fields of the form; none means all."""
         return ABOUT if self.section == "about" else ()
 
     def cls(self, part: Document) -> type[Any]:
@@ -49,7 +48,6 @@ class EditorPlace:
         return {"about": Definition, "pages": Page, "scales": EditedScale}[self.section]
 
     def part(self, whole: Document) -> Document | None:
-        """Return the part that is edited; None when it does not exist."""
         if self.section == "about":
             return whole
         if self.section == "scales":
@@ -58,7 +56,6 @@ class EditorPlace:
         return next((parts[n] for parts, n in self.located(whole)), None)
 
     def put(self, whole: Document, part: Document) -> Document:
-        """Return the questionnaire with this part replaced."""
         if self.section == "about":
             languages = part["languages"]
             kept = {key: value for key, value in whole.items() if key not in ABOUT}
@@ -87,7 +84,6 @@ class EditorPlace:
 
 
 def keys_of(part: Document) -> list[str]:
-    """Return the keys of a page or question, and of its rows."""
     return [part["key"], *(row["key"] for row in part.get("rows", ()))]
 
 
@@ -100,7 +96,6 @@ def keys_in(whole: Document) -> set[str]:
 
 
 def numbered(stem: str, taken: Collection[str]) -> str:
-    """Return a key that is not taken: the stem with a number."""
     keys = (f"{stem[:LONGEST_STEM]}{n}" for n in itertools.count(1))
     return next(key for key in keys if key not in taken)
 
@@ -179,7 +174,6 @@ def _blank(field: Any) -> Any:
 
 
 def copied(original: Document, whole: Document) -> Document:
-    """Return a copy of a page or question with new keys."""
     copy_of, taken = copy.deepcopy(original), keys_in(whole)
     parts = [copy_of, *copy_of.get("items", ())]
     for one in [*parts, *(row for part in parts for row in part.get("rows", ()))]:

@@ -152,7 +152,6 @@ def ready_points(
 
 
 def scale_name(points: Sequence[Document], text_of: Any) -> str:
-    """Return the name of a scale: its ends and number of points."""
     ends = [text_of(point.get("label", {})) or str(point["value"]) for point in points]
     words = {"first": ends[0] if ends else "", "last": ends[-1] if ends else "", "n": len(points)}
     return gettext("%(first)s … %(last)s (%(n)d points)") % words

@@ -80,7 +80,6 @@ class WriteForm(forms.Form):
 
 
 def leads_here(request: HttpRequest, title: str, url: str) -> None:
-    """Have the editor link back to the page of a study that it was opened from."""
     opened_from = {"title": title, "url": url}
     if request.session.get(OPENED_FROM) != opened_from:
         request.session[OPENED_FROM] = opened_from
@@ -99,7 +98,6 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
 @require_http_methods(["GET", "HEAD", "POST"])
 @permission_required(ADD, raise_exception=True)
 def write(request: HttpRequest) -> HttpResponse:
-    """Ask for title, languages and name, and store a draft."""
     form = WriteForm(request.POST or None)
     if form.is_valid():
         title, name = form.cleaned_data["title"], form.cleaned_data["name"]
@@ -115,7 +113,6 @@ def write(request: HttpRequest) -> HttpResponse:
 
 @require_http_methods(["GET", "HEAD", "POST"])
 def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
-    """Show the pages with their questions; a button adds, moves, copies or removes one."""
     row = _row(request, pk)
     whole = whole_of(row)
     if request.method == "POST":
@@ -134,7 +131,6 @@ def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
 
 @require_http_methods(["GET", "HEAD", "POST"])
 def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpResponse:
-    """Show the form of the questionnaire itself or a part of it; a POST changes it."""
     row, place = _row(request, pk), EditorPlace(section, key)
     whole = whole_of(row)
     is_known = section in {*TITLES, "questions"} and bool(key) != (section == "about")
@@ -169,7 +165,6 @@ def whole_of(row: Questionnaire) -> Document:
 
 
 def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
-    """Store a draft; return the reason when it cannot be stored, else ""."""
     if request.POST.get("sha256") != row.sha256:
         return str(MEANWHILE)
     asked = {item.get("scale") for page in whole["pages"] for item in page["items"]}
@@ -282,7 +277,6 @@ def _show(
 
 
 def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
-    """Return the choices of a form with their labels."""
     definition, text = msgspec.convert(whole, Definition), partial(text_of, whole=whole)
     texts = {one.key: _in_full(one, text) for one in definition.questions()}
     scales = {name: scale_name(points, text) for name, points in whole["scales"].items()}

@@ -106,7 +106,6 @@ class Draft:
         return dict.fromkeys(self.languages, text)
 
     def joined(self, *texts: Text, by: str = " – ") -> Text:
-        """Return several texts as one; empty ones are left out."""
         full = [text for text in texts if text]
         return {
             language: by.join(text[language] for text in full)

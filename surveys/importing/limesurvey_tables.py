@@ -34,11 +34,9 @@ class LimeSurveyRow:
         return self.row.get(column, "")
 
     def text(self, column: str) -> dict[str, str]:
-        """Return a column of the texts by language."""
         return {language: row.get(column, "") for language, row in self.texts.items()}
 
     def attribute(self, name: str) -> str:
-        """Return an attribute that has no language; "" when it is not set."""
         return self.attributes.get((name, ""), "")
 
     def attribute_texts(self, name: str) -> dict[str, str]:

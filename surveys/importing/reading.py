@@ -42,7 +42,6 @@ def import_survey(document: bytes, language: str, form: str, slug: str = "") -> 
 
 
 def read_plain(document: bytes, language: str, form: str, slug: str) -> Any:
-    """Return an ImportedSurvey as plain data, which a child process can return."""
     draft = read(document, language, form)
     name = slug or slug_for(next(iter(draft.title.values()), ""))
     try:
@@ -71,7 +70,6 @@ def read(document: bytes, language: str = "en", form: str = "") -> Draft:
 
 
 def slug_for(title: str) -> str:
-    """Return a name for a questionnaire with this title."""
     ascii_only = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
     words = re.sub(r"[^a-z0-9]+", "-", ascii_only.lower()).strip("-")
     slug = words if words[:1].isalpha() else f"survey-{words}"

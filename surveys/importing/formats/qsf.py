@@ -100,14 +100,12 @@ class QualtricsConversion(ImportedQuestion):
         return "shuffled" if wanted == "All" else "fixed"
 
     def _note_choices(self) -> None:
-        """Note rules of the choices that are not imported."""
         if any(mapping(choice).get("DisplayLogic") for choice in self._choices.values()):
             self.note.changed(_("Conditions of single options are not imported: all are shown."))
         if self.payload.get("DynamicChoices"):
             self.note.changed(_("Options carried forward from another question are not imported."))
 
     def _rows(self) -> Iterator[tuple[str, Text]]:
-        """Yield key and text of each row of a matrix."""
         tags = mapping(self.payload.get("ChoiceDataExportTags"))
         for one, label in self._labels().items():
             if _is_set(self._choices[one], "TextEntry"):
@@ -350,8 +348,6 @@ MAX_DEPTH = 30  # of the survey flow
 
 
 class Qsf(SurveyFormat):
-    """A survey exported from Qualtrics, element by element."""
-
     label: ClassVar[str] = "Qualtrics (.qsf)"
 
     def __init__(self, document: bytes, _language: str, _form: str) -> None:
@@ -436,7 +432,6 @@ class Qsf(SurveyFormat):
                 yield from self._flow(inner, depth + 1)
 
     def _take(self, block: dict[str, Any]) -> Iterator[str]:
-        """Ask the questions of a block, and yield their ids."""
         options = mapping(block.get("Options"))
         shuffled = str(options.get("RandomizeQuestions", "false")) not in {"false", "", "None"}
         self.into.page(is_shuffled=shuffled)
