@@ -17,9 +17,7 @@ ABOUT = ProblemPlace("about")  # the questionnaire itself
 
 
 def parse(document: bytes) -> Definition:
-    """Return the definition in a JSON document. Raises BadDefinitionError with all problems, or the
-    only one of JSON or types.
-    """
+    """Return the definition in JSON; raises BadDefinitionError as surveys.documents.checked."""
     return checked(
         document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=_("question type")
     )

@@ -122,9 +122,7 @@ def _fields(definition: Definition) -> dict[str, Any]:
 def begin_empty(
     slug: str, title: str, languages: Sequence[str], now: datetime.datetime
 ) -> Questionnaire:
-    """Store a draft of one page with one question without a text. Raises BadDefinitionError when
-    there is a questionnaire of that name.
-    """
+    """Store a draft of one empty question; raises BadDefinitionError for a taken name."""
     question = {"kind": "text", "key": "q1", "text": {}}
     document = {
         "format": 1,
@@ -142,9 +140,7 @@ def begin_empty(
 
 
 def save_draft(questionnaire: Questionnaire, definition: Definition) -> Questionnaire:
-    """Store a changed draft, complete or not; name and version stay. Raises ChangedMeanwhileError
-    when it is in use, or has changed since it was read.
-    """
+    """Store a draft; raises ChangedMeanwhileError if changed since it was read, or in use."""
     slug, version = questionnaire.slug, questionnaire.version
     named = msgspec.structs.replace(definition, slug=slug, version=version)
     if not _rows_like(questionnaire).update(**_fields(named)):
@@ -176,9 +172,7 @@ def is_usable(questionnaire: Questionnaire) -> bool:
 
 
 def current(slug: str, now: datetime.datetime) -> Questionnaire:
-    """Return the newest version of a questionnaire; one that comes with the site is stored first.
-    Raises Questionnaire.DoesNotExist when there is none of this name.
-    """
+    """Return the newest version, storing a shipped one first; raises Questionnaire.DoesNotExist."""
     if row := Questionnaire.objects.filter(slug=slug).order_by("-version").first():
         return row
     if slug not in shipped():
@@ -187,9 +181,7 @@ def current(slug: str, now: datetime.datetime) -> Questionnaire:
 
 
 def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
-    """Return the row, which cannot change from now on. Raises BadDefinitionError when it is a
-    template or has problems.
-    """
+    """Return the row, unchangeable from now on; raises BadDefinitionError if it is not usable."""
     while questionnaire.frozen_at is None:
         if questionnaire.as_definition().template:
             words = gettext(

@@ -46,9 +46,7 @@ def at_hand() -> AtHand:
 
 
 def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
-    """Return the choices of a form of a section, by key of the field. Doors, stations and mirrors
-    are those of the part's site, or of all sites of the study.
-    """
+    """Return the choices by field. Doors and docks are those of the part's or all sites."""
     here, study = at_hand(), row.as_definition()
     language = get_language() or ""
     sites = [part["site"]] if "site" in part else [one["site"] for one in whole["conditions"]]
@@ -106,9 +104,7 @@ def effects(study: StudyDefinition, language: str) -> dict[str, str]:
 
 
 def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
-    """Return what hypotheses can expect, by analysis: a sentence for each direction of an effect or
-    a contrast.
-    """
+    """Return what hypotheses can expect, by analysis: a sentence for each direction."""
     return {
         spoken(one.title, language) or one.key: dict(_claims(study, one, language))
         for one in study.analyses

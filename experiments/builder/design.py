@@ -4,7 +4,6 @@ assignment. The conditions follow from it (arrangement.py); a table shows them.
 
 import math
 import re
-import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -27,7 +26,7 @@ from experiments.definition.factors import (
 from experiments.definition.schema import Allocation, Condition, StudyDefinition
 from experiments.participation.assignment import cells
 from surveys.document_forms.parts import Document
-from surveys.documents import DocumentPart, spoken, text_in
+from surveys.documents import DocumentPart, ascii_name, spoken, text_in
 
 # Generated keys, which follow the title.
 _AUTOMATIC = re.compile(r"(factor|level)_\d+")
@@ -80,9 +79,7 @@ def with_design(whole: Document, design: Document) -> Document:
 
 
 def set_by_levels(study: StudyDefinition, key: str) -> dict[str, str]:
-    """Return the fields of a condition that its levels set ("network.video.delay"), each with the
-    title of the level.
-    """
+    """Return the fields that levels set ("network.video.delay") with the titles of the levels."""
     condition = study.condition(key)
     return {
         ".".join(SETTINGS[name]): shown(level)
@@ -109,9 +106,7 @@ def restore(part: Document, former: Document, fields: Iterable[str]) -> None:
 
 
 def new_factor(factors: list[Document], setting: str, languages: Iterable[str]) -> Document:
-    """Return a factor with two levels that changes a setting, or with "" nothing on the robot. It
-    is within participants if the factor before it is.
-    """
+    """Return a factor with two levels that changes a setting ("": none), within if the last is."""
     taken = [one["key"] for one in factors]
     factor: Document = {"key": _next("factor", taken), "title": {}}
     if setting:
@@ -199,13 +194,10 @@ def _name(
 
 
 def _stem(part: Document, languages: Iterable[str], before: str) -> str:
-    """Return the key that follows from what a level sets, or from a title: "300 ms" of a delay is
-    "delay_300_ms". Empty without either.
-    """
+    """Return a key by the value or title: "300 ms" of a delay is "delay_300_ms"; "" for none."""
     values = [one for one in part.get("sets", {}).values() if isinstance(one, str)]
     text = next(iter(values), "") or text_in(part.get("title", {}), languages)
-    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
-    words = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
+    words = ascii_name(text)
     name = words if not words or words[0].isalpha() else f"{before}_{words}"
     return name[:MOST_LETTERS].rstrip("_")
 

@@ -117,9 +117,7 @@ class CopyForm(forms.Form):
 
 
 class MemberForm(forms.Form):
-    """A researcher, by user name or address. `invited` is the address of a person without an
-    account for the administration.
-    """
+    """A researcher by user name or address; `invited` is an address without a staff account."""
 
     person = forms.CharField(
         label=_("User name or e-mail address"),

@@ -146,9 +146,7 @@ class AtHand:
 
 
 def new_step(kind: str, blank: Mapping[str, Any], whole: Document) -> Document:
-    """Return a step without texts; `blank` has what its kind needs. A new questionnaire is repeated
-    if the task is.
-    """
+    """Return a step of a kind without texts; questionnaires repeat if the task does."""
     key = free_key(kind, _taken(whole, "steps"))
     is_repeated = any(one.get("repeat") and one["kind"] == "task" for one in whole["steps"])
     asks = issubclass(KINDS[kind], AskingStep) and KINDS[kind].may_repeat
@@ -157,9 +155,7 @@ def new_step(kind: str, blank: Mapping[str, Any], whole: Document) -> Document:
 
 
 def landing(whole: Document, step: Document) -> int | None:
-    """Return the last index at which a new step adds no problem of its kind; None if there is none,
-    for example for a second task.
-    """
+    """Return the last index at which a new step adds no problem of its kind; None without one."""
 
     def count(documents: list[Document]) -> int:
         steps = [msgspec.convert(one, KINDS[one["kind"]]) for one in documents]
@@ -246,9 +242,7 @@ def _suggested(robot: str, site: str, at_hand: AtHand) -> Document:
 def new_part(
     name: str, others: list[Document], kind: str, languages: Collection[str], at: Point
 ) -> Document | None:
-    """Return a new part of a list of that name ("factors.0.levels") beside the others, of a kind
-    if there are several, and placed at a point; None for other lists.
-    """
+    """Return a new part of a list ("factors.0.levels") at a point; None for other lists."""
     key, n = name.rpartition(".")[2], len(others)
     if key == "factors":
         return new_factor(others, kind if kind in SETTINGS else "", languages)

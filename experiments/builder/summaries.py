@@ -41,9 +41,7 @@ def title_of(part: Document, whole: Document) -> str:
 def about(
     section: str, part: Document, whole: Document, titles: Mapping[tuple[str, int], str]
 ) -> Iterator[Any]:
-    """Yield the summary of a part of a list, with empty texts. `titles` are those of
-    questionnaires by name and version.
-    """
+    """Yield the summary of a part, with empty texts; `titles` by questionnaire and version."""
     if section == "steps":
         yield page_type(part["kind"]).label
         if "questionnaire" in part:

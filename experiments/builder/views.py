@@ -294,9 +294,7 @@ def _shown_form(
 
 
 def _read(request: HttpRequest, row: Row, place: BuilderPlace, whole: Document) -> SubmittedPart:
-    """Return the input of a form, after its button: `save`, `add:<list>`, or
-    `remove|up|down:<list>:<n>`.
-    """
+    """Return a form after its button: `save`, `add:<list>`, or `remove|up|down:<list>:<n>`."""
     former, study = place.part(whole) or {}, row.as_definition()
     cls = place.cls(former)
     part = StudyPartForm.read(cls, request.POST, only=place.only)
@@ -368,9 +366,7 @@ def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedP
 
 
 def _store(row: Row, whole: Document, *, draws: bool = False) -> list[str]:
-    """Store a study with what follows from its design, or return why not; `draws` adds missing
-    courses.
-    """
+    """Store a study with what its design implies, or return why not; `draws` adds courses."""
     try:
         study, here = msgspec.convert(whole, StudyDefinition), choices.at_hand()
         blank = msgspec.convert(pages.new_condition(whole, here), Condition)
@@ -388,9 +384,7 @@ def _store(row: Row, whole: Document, *, draws: bool = False) -> list[str]:
 
 
 def _list_of(row: Row, section: str) -> Document:
-    """Return the parts of a list, the kinds that can be added, and whether it follows from the
-    design.
-    """
+    """Return the parts of a list, the kinds to add, and whether they follow from the design."""
     whole = whole_of(row)
     is_derived = section == "conditions" and bool(whole["factors"])
     titles = choices.questionnaire_titles() if section == "steps" else {}
@@ -419,9 +413,7 @@ def drawn_course(course: Document) -> Document:
 
 
 def course_check(study: StudyDefinition, n: int) -> Document:
-    """Return the problems of the course with a number, and of its conditions because of it, as
-    sentences, and the numbers of their checkpoints.
-    """
+    """Return the problems of a course, and of its conditions because of it, with checkpoints."""
     course = study.courses[n]
     mine = (one for one in problems(study) if one.place == ProblemPlace("courses", n))
     place = (course.robot, course.site)

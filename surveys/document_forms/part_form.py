@@ -54,9 +54,7 @@ class FormLayout:
 
 @dataclass(frozen=True)
 class Group(FormLayout):
-    """A part, an optional part (`switch` is the name of its checkbox), a part of one `kind` among
-    several, or a list of parts.
-    """
+    """A part, optional part (`switch` names its checkbox), one `kind` of several, or a list."""
 
     name: str
     member: AskedField
@@ -228,14 +226,16 @@ class PartForm(FormLayout, forms.Form):
         """
         key, _dot, rest = name.partition(".")
         member = next((one for one in members(cls.guide, part, only) if one.key == key), None)
-        inner, inner_class = document.get(key), member and (member.part or member.listed)
-        if member is not None and member.listed is not None:
+        if member is None:
+            return None
+        inner, inner_class = document.get(key), member.part or member.listed
+        if member.listed is not None:
             if not rest:
                 found: list[Document] = document.setdefault(key, [])
                 return found
             n, _dot, rest = rest.partition(".")
             inner = dict(enumerate(inner or ())).get(number(n))
-        elif member is not None and member.part is not None and not member.has_none:
+        elif member.part is not None and not member.has_none:
             inner = document.setdefault(key, {})
         if inner_class is None or not isinstance(inner, dict):
             return None

@@ -86,9 +86,7 @@ def is_numbered(member: AskedField) -> bool:
 
 
 def read_number(text: str, *, whole: bool, mark: str = ".") -> int | float | str:
-    """Return the finite number in a text, or the text itself when it is none. `mark` is a decimal
-    mark beside the point.
-    """
+    """Return the finite number in a text, else the text; `mark` is a second decimal mark."""
     try:
         value = int(text) if whole else float(text.replace(mark, "."))
     except ValueError:
@@ -105,9 +103,7 @@ def read_points(text: str, mark: str = ".") -> list[list[float]] | str:
 
 
 def change(values: list[Any], verb: str, n: int) -> list[Any]:
-    """Return a copy of a list with its part number `n` (from 0) removed, copied, or moved up or
-    down, where that is possible.
-    """
+    """Return a copy of a list with part `n` (from 0) removed, copied or moved, where possible."""
     changed = list(values)
     match verb if 0 <= n < len(values) else "":
         case "remove":

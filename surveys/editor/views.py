@@ -193,9 +193,7 @@ def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpRes
 
 
 def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None:
-    """Add a page, a question of a kind to the page of the place, or an offered or empty scale;
-    return its place.
-    """
+    """Add a page, a question to a page, or an offered or empty scale; return its place."""
     if place.section == "pages":
         key = numbered("page_", keys_in(whole))
         whole["pages"].append({"key": key, "items": []})
@@ -217,9 +215,7 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
 def _read(
     request: HttpRequest, place: EditorPlace, former: Document, whole: Document
 ) -> SubmittedPart:
-    """Return a form after the action of its button: `save`, `done`, `add:<list>`, or
-    `remove|up|down:<list>:<n>`.
-    """
+    """Return a form after its button: `save`, `done`, `add:<list>`, `remove|up|down:<list>:<n>`."""
     cls = place.cls(former)
     part = complete(EditorForm.read(cls, request.POST, only=place.only), former, whole)
     if part.get("show_if"):
@@ -228,7 +224,7 @@ def _read(
     verb, name, n = pressed(request.POST)
     anchor, values = name, EditorForm.list_in(part, name, cls, place.only)
     if values is not None and verb == "add":
-        values += new_entry(cls, name, part, whole)
+        values.append(new_entry(cls, name, part, whole))
         anchor = f"{name}.{len(values) - 1}"
     elif values is not None:
         values[:] = change(values, verb, number(n))

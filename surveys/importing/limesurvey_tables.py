@@ -74,9 +74,7 @@ def _language(code: str) -> str:
 def _localized(
     tables: Tables, table: str, keys: Sequence[str], texts: str, joined_by: str
 ) -> list[LimeSurveyRow]:
-    """Return each row of a table that differs in its keys, with its texts by language: rows of the
-    same keys, and those of another table.
-    """
+    """Return rows that differ in their keys, with texts by language from here and from `texts`."""
     others: dict[str, dict[str, Row]] = {}
     for row in tables.get(texts, ()):
         others.setdefault(row.get(joined_by, ""), {})[_language(row.get("language", ""))] = row

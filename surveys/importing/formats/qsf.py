@@ -83,9 +83,7 @@ class QualtricsConversion(ImportedQuestion):
         return found
 
     def _codes(self, labels: Mapping[str, Text], *, are_unique: bool = False) -> dict[str, str]:
-        """Return the recode values of choices that have one, else their ids; the ids of all where
-        recode values repeat and must be unique.
-        """
+        """Return recode values or ids of choices; all ids where values repeat and must not."""
         recoded = mapping(self.payload.get("RecodeValues"))
         codes = {one: str(recoded.get(one, one)) for one in labels}
         if not are_unique or len(set(codes.values())) == len(codes):
@@ -503,9 +501,7 @@ def _name(payload: Payload) -> str:
 
 
 def _selected(logic: Mapping[str, Any]) -> Iterator[tuple[str, str] | None]:
-    """Yield question and choice for each part of a logic that joins selected choices by "or"; None
-    for any other part.
-    """
+    """Yield question and choice of each part of an "or" of selected choices; None for others."""
     groups = [group for name, group in logic.items() if name.isdigit()]
     parts = (one for group in groups for one in mapping(group).items())
     for one in (mapping(part) for name, part in parts if name.isdigit()):

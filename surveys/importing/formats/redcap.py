@@ -328,9 +328,7 @@ class Redcap(SurveyFormat):
 
 
 def rows_of(document: bytes) -> Iterator[Row]:
-    """Yield the fields of a dictionary with all COLUMNS; raises BadDefinitionError when the file is
-    no CSV or lacks columns.
-    """
+    """Yield rows with all COLUMNS; raises BadDefinitionError for no CSV or lacking columns."""
     try:
         text = document.decode("utf-8-sig")
     except UnicodeDecodeError:
