@@ -61,7 +61,6 @@ class QuestionnaireAdmin(ShownFilters):
     def get_search_results(
         self, request: HttpRequest, queryset: QuerySet[Any], search_term: str
     ) -> tuple[QuerySet[Any], bool]:
-        """Also find instruments by their names among researchers."""
         found, may_repeat = super().get_search_results(request, queryset, search_term)
         named = named_by(search_term) if search_term.strip() else []
         return found | queryset.filter(slug__in=named), may_repeat
@@ -90,7 +89,6 @@ class QuestionnaireAdmin(ShownFilters):
     def save_model(
         self, _request: HttpRequest, obj: Questionnaire, form: ModelForm, _change: bool
     ) -> None:
-        """Copy the row that the form has stored."""
         for field in Questionnaire._meta.concrete_fields:
             setattr(obj, field.attname, getattr(form.stored, field.attname))
         obj._state.adding = False
@@ -173,7 +171,6 @@ class ResponseAdmin(ShownFilters):
     def change_view(
         self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
     ) -> HttpResponse:
-        """Log who saw whose answers."""
         row = self.get_object(request, object_id) if self.has_view_permission(request) else None
         if row is not None:
             audit.note("answers_opened", actor=request.user, person=row.user_id, thing=row)

@@ -29,9 +29,7 @@ class Circumstances:
 def shown_keys(
     definition: Definition, values: Mapping[str, Any], circumstances: Circumstances
 ) -> list[str]:
-    """Return the keys of the questions that are asked, in written order. `values` are answers by
-    key; None or no entry is no answer.
-    """
+    """Return the keys of the questions asked, as written; no entry in `values` is no answer."""
     shown: dict[str, None] = {}
     for question in definition.questions():
         conditions = (definition.pages[question.page].show_if, question.item.show_if)

@@ -42,9 +42,7 @@ class QuestionTopic(DocumentPart, frozen=True, kw_only=True):
 
 
 class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
-    """A questionnaire. A `template` has the structure of one whose texts may not be shipped: it can
-    be filled in, not used.
-    """
+    """A questionnaire. A `template` lacks texts that may not be shipped, and cannot be used."""
 
     format: Literal[1]
     slug: Slug
@@ -67,7 +65,6 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
         return self.by_key.get(key)
 
     def questions_shown(self, seed: int) -> list[Question]:
-        """Return the questions in the order shown for a seed."""
         return [
             self.by_key[key]
             for page in self.pages
@@ -99,9 +96,7 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
         return [question.key for question in self.scored if question.is_reversed]
 
     def coded(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return stored values by key with reverse-coded ones counted from the other end; None is
-        no answer.
-        """
+        """Return answers by key (None for none), reversed ones counted from the other end."""
         turned = {
             key: self.by_key[key].from_other_end(values[key])
             for key in self.reversed
@@ -133,7 +128,6 @@ prepare(Definition)
 
 
 def to_json(definition: Definition) -> bytes:
-    """Return a definition as indented JSON with the fields in the order of the classes."""
     return msgspec.json.format(msgspec.json.encode(definition), indent=2) + b"\n"
 
 

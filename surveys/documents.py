@@ -5,6 +5,7 @@ A text is an object of languages, `{"en": "…", "es": "…"}`.
 
 import functools
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -85,7 +86,6 @@ class Problem:
         return self.sentence(str)
 
     def sentence(self, translate: Callable[[str], str]) -> str:
-        """Return the sentence with the names around it."""
         names = (" ".join(str(_in_words(one, translate)) for one in name) for name in self.names)
         return ": ".join([*names, self.text(translate)])
 
@@ -101,9 +101,7 @@ def _in_words(one: Any, translate: Callable[[str], str]) -> Any:
 
 
 def within(found: Iterable[Problem], place: ProblemPlace | None, *name: Any) -> Iterator[Problem]:
-    """Yield problems of a part as those of the document around it: at `place` where they have none,
-    and with a name, if there is one.
-    """
+    """Yield a part's problems at `place` unless they have one, with a name around them, if any."""
     for one in found:
         here = place if place is not None and one.place == NOWHERE else one.place
         yield replace(one, place=here, names=(name, *one.names) if name else one.names)
@@ -129,6 +127,12 @@ def spoken(text: Mapping[str, str], language: str) -> str:
 def text_in(text: Mapping[str, str], languages: Iterable[str]) -> str:
     """Return a text in the first of these languages that has it; empty when none has."""
     return next((text[language] for language in languages if text.get(language)), "")
+
+
+def ascii_name(text: str, joint: str = "_") -> str:
+    """Return a text in lower-case ASCII, with `joint` for all but letters and digits."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
+    return re.sub(r"[^a-z0-9]+", joint, plain).strip(joint)
 
 
 def checked(
@@ -200,9 +204,7 @@ def text_problems(part: DocumentPart, name: str, languages: tuple[str, ...]) -> 
 def _texts(
     part: DocumentPart, name: str, path: tuple[str | int, ...]
 ) -> Iterator[tuple[str, tuple[str | int, ...], Text, bool]]:
-    """Yield name, path, text and whether it is required for every text in a part; the name of what
-    has a key is the key.
-    """
+    """Yield name (a key, if there is one), path, text and whether it is required for each text."""
     for one in fields_of(type(part)):
         value, key = getattr(part, one.name), one.encode_name
         called, here = f"{name}.{key}", (*path, key)

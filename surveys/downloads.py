@@ -29,12 +29,10 @@ LONG = (
 
 
 def as_long_csv(responses: QuerySet[Response], name: str) -> StreamingHttpResponse:
-    """Return a download of responses to any questionnaires."""
     return _download(_long_rows(responses), name)
 
 
 def as_wide_csv(slug: str) -> StreamingHttpResponse:
-    """Return a download of the responses to all versions of a questionnaire, with scores."""
     return _download(_wide_rows(slug), f"{slug}-wide")
 
 

@@ -32,9 +32,7 @@ format_reference = lazy(_format_reference, SafeString)
 
 
 class DocumentForm(forms.ModelForm):
-    """A definition of a questionnaire or of a study. `reference` is the page of its format, `limit`
-    its greatest size in bytes.
-    """
+    """A definition; `reference` is the page of its format, `limit` its greatest size in bytes."""
 
     reference: ClassVar[str]
     limit: ClassVar[int]
@@ -61,9 +59,7 @@ class DocumentForm(forms.ModelForm):
         return document if document.strip() else b""
 
     def check_version(self, slug: str, version: int) -> None:
-        """Raise BadDefinitionError for a version that exists already, or that is not the one which
-        this form changes.
-        """
+        """Raise BadDefinitionError for a version that exists, or is not the one to change."""
         own = self.instance.slug, self.instance.version
         if not self.is_new and own != (slug, version):
             words = gettext("This is version %(n)d of %(slug)s. Its name and version can't change.")

@@ -44,9 +44,7 @@ class RefusedError(ValueError):
 
 
 class ItemCondition(DocumentPart, frozen=True, kw_only=True):
-    """`show_if`: all that is set must hold. `is` and the bounds are about the answer to the earlier
-    question `item`.
-    """
+    """`show_if`: all that is set must hold; `is` and bounds compare the answer to `item`."""
 
     robot: tuple[str, ...] = ()
     outcome: tuple[str, ...] = ()
@@ -76,9 +74,7 @@ class Option(DocumentPart, frozen=True, kw_only=True):
 
 
 class Row(DocumentPart, frozen=True, kw_only=True):
-    """A row of a grid: a question of its own. `reverse`: scores count its answer from the other
-    end of the scale.
-    """
+    """A row of a grid, a question of its own; `reverse`: scored from the other end of the scale."""
 
     key: Key
     text: Text
@@ -181,21 +177,16 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         raise NotImplementedError
 
     def sent(self, value: Any) -> list[str]:
-        """Return a stored value as the page would send it."""
         if isinstance(value, list):
             return list(value)
         return [plain(value) if isinstance(value, float) else str(value)]
 
     def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
-        """Return all values that can be chosen, with their labels; none where they are not listed.
-        Tables count them, and `show_if` may expect no others.
-        """
+        """Return all values that tables count and `show_if` may expect; none where not listed."""
         return ()
 
     def compared(self, value: Any) -> Any:
-        """Return what `show_if` compares and tables count for a stored value; each part of a list
-        counts.
-        """
+        """Return what `show_if` compares and tables count; each part of a list counts."""
         return value
 
     def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
@@ -207,9 +198,7 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
         return {}, {}
 
     def columns(self, key: str) -> Mapping[str, Text]:
-        """Return the columns of an answer in tables with a line a response, each with its label
-        among several of a question.
-        """
+        """Return the columns in tables with a line a response, with labels among several."""
         return {key: {}}
 
     def cells(self, value: Any) -> tuple[Any, ...]:
@@ -304,9 +293,7 @@ class OptionsItem(Item, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class Question:
-    """An item or a row of a grid, which takes one answer. `page` counts from 0; `points` is empty
-    without a scale.
-    """
+    """An item or a row of a grid; `page` counts from 0, `points` is empty without a scale."""
 
     page: int
     item: Item
@@ -381,9 +368,7 @@ def one_of(choices: Mapping[str, T], value: str) -> T:
 
 
 def parsed_number(value: str) -> float:
-    """Return a number that was typed with a point or the language's own decimal mark; raises
-    RefusedError when it is none, or implausibly large.
-    """
+    """Return a number with a point or local decimal mark; raises RefusedError for others."""
     number = float("nan")
     try:
         if len(value) <= MAX_DIGITS and "_" not in value:

@@ -36,7 +36,6 @@ def outer_progress_of(response: Response, language: str) -> OuterProgress | None
 
 
 def filled_in(definition: Definition, fill: Callable[[str], str]) -> Definition:
-    """Return a questionnaire with earlier answers in its texts."""
     return msgspec.convert(_filled(msgspec.to_builtins(definition), fill), Definition)
 
 

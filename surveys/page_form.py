@@ -77,9 +77,7 @@ class PageForm:
 
 @dataclass(frozen=True)
 class Reader(Viewing):
-    """Who looks at the page: the answers stored so far, those just sent, and their errors. A
-    preview shows all questions.
-    """
+    """Who looks at the page: stored and just sent answers, and errors; a preview `sees_all`."""
 
     stored: Mapping[str, AnswerValue] = field(default_factory=dict)
     circumstances: Circumstances = field(default_factory=Circumstances)
@@ -120,7 +118,6 @@ def page_form_of(
 
 
 def _share_a_frame(before: Item, item: Item) -> bool:
-    """Tell whether two neighbours are statements on the same scale."""
     both = (before, item)
     scales = [one.scale for one in both if isinstance(one, ScaleItem) and not one.is_group]
     return len(scales) == len(both) and scales[0] == scales[1]
@@ -129,9 +126,7 @@ def _share_a_frame(before: Item, item: Item) -> bool:
 def _fieldset(
     item: Item, here: Mapping[str, Question], asked: set[str], reader: Reader
 ) -> Fieldset | None:
-    """Return the frame of one item; None when no answer on this page could make it appear, or when
-    a draft has no rows in it yet.
-    """
+    """Return the frame of an item; None if no answer here can show it, or it has no rows yet."""
     questions = [here[key] for key in item.keys_asked(reader.seed) if key in here]
     condition = item.show_if if item.show_if and item.show_if.item in here else None
     may_appear = condition is not None and reader.circumstances.fit(condition)
@@ -146,9 +141,7 @@ def _fieldset(
 
 
 def _condition_here(condition: ItemCondition, here: Mapping[str, Question]) -> str:
-    """Return the part of a condition that the page itself can follow, as JSON, with answers as the
-    page sends them.
-    """
+    """Return the part of a condition that the page can follow, as JSON of sent answers."""
     item = here[condition.item].item
     values = [item.sent([one])[0] if item.takes_several else one for one in condition.one_of]
     bounds = {"at_least": condition.at_least, "at_most": condition.at_most}

@@ -17,16 +17,13 @@ ABOUT = ProblemPlace("about")  # the questionnaire itself
 
 
 def parse(document: bytes) -> Definition:
-    """Return the definition in a JSON document. Raises BadDefinitionError with all problems, or the
-    only one of JSON or types.
-    """
+    """Return the definition in JSON; raises BadDefinitionError as surveys.documents.checked."""
     return checked(
         document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=_("question type")
     )
 
 
 def problems(definition: Definition) -> Iterator[Problem]:
-    """Yield the problems of a definition whose types are right."""
     yield from within(_of_the_whole(definition), ABOUT)
     yield from _of_texts(definition)
     for name, points in definition.scales.items():

@@ -37,7 +37,6 @@ SHIPPED = Path(__file__).resolve().parent / "definitions"
 
 @cache
 def shipped() -> Mapping[str, Definition]:
-    """Return the questionnaires and templates that come with the site, by name."""
     definitions = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {definition.slug: definition for definition in definitions}
 
@@ -53,7 +52,6 @@ def listed_title(slug: str, title: str) -> str:
 
 
 def named_by(term: str) -> list[str]:
-    """Return the questionnaires whose name among researchers contains a term."""
     return [slug for slug, name in INSTRUMENTS.items() if term.strip().lower() in name.lower()]
 
 
@@ -124,9 +122,7 @@ def _fields(definition: Definition) -> dict[str, Any]:
 def begin_empty(
     slug: str, title: str, languages: Sequence[str], now: datetime.datetime
 ) -> Questionnaire:
-    """Store a draft of one page with one question without a text. Raises BadDefinitionError when
-    there is a questionnaire of that name.
-    """
+    """Store a draft of one empty question; raises BadDefinitionError for a taken name."""
     question = {"kind": "text", "key": "q1", "text": {}}
     document = {
         "format": 1,
@@ -144,9 +140,7 @@ def begin_empty(
 
 
 def save_draft(questionnaire: Questionnaire, definition: Definition) -> Questionnaire:
-    """Store a changed draft, complete or not; name and version stay. Raises ChangedMeanwhileError
-    when it is in use, or has changed since it was read.
-    """
+    """Store a draft; raises ChangedMeanwhileError if changed since it was read, or in use."""
     slug, version = questionnaire.slug, questionnaire.version
     named = msgspec.structs.replace(definition, slug=slug, version=version)
     if not _rows_like(questionnaire).update(**_fields(named)):
@@ -174,14 +168,11 @@ def _problems_in(document: bytes) -> Sequence[Problem]:
 
 
 def is_usable(questionnaire: Questionnaire) -> bool:
-    """Tell whether it can be asked: it has no problems and is no template."""
     return not questionnaire.definition.get("template") and not problems_of(questionnaire)
 
 
 def current(slug: str, now: datetime.datetime) -> Questionnaire:
-    """Return the newest version of a questionnaire; one that comes with the site is stored first.
-    Raises Questionnaire.DoesNotExist when there is none of this name.
-    """
+    """Return the newest version, storing a shipped one first; raises Questionnaire.DoesNotExist."""
     if row := Questionnaire.objects.filter(slug=slug).order_by("-version").first():
         return row
     if slug not in shipped():
@@ -190,9 +181,7 @@ def current(slug: str, now: datetime.datetime) -> Questionnaire:
 
 
 def freeze(questionnaire: Questionnaire, now: datetime.datetime) -> Questionnaire:
-    """Return the row, which cannot change from now on. Raises BadDefinitionError when it is a
-    template or has problems.
-    """
+    """Return the row, unchangeable from now on; raises BadDefinitionError if it is not usable."""
     while questionnaire.frozen_at is None:
         if questionnaire.as_definition().template:
             words = gettext(

@@ -43,7 +43,6 @@ class Respondent:
 
     @property
     def name(self) -> str:
-        """Its part of a response's slot."""
         return f"user:{self.user.pk}" if self.user is not None else f"key:{self.key}"
 
 
@@ -206,9 +205,7 @@ def finish(response: Response, definition: Definition, now: datetime.datetime) -
 
 
 def place(response: Response, definition: Definition) -> int | None:
-    """Return the page at which a respondent resumes, from 0: the furthest that is open; None when
-    none is.
-    """
+    """Return the furthest open page (from 0), at which a respondent resumes; None without one."""
     shown = pages_shown(response, definition)
     open_now = [page for page in shown if page <= response.reached]
     if response.reached < len(definition.pages) and open_now:

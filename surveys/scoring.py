@@ -32,9 +32,7 @@ class ScoredScale:
     bounds: tuple[float, float]  # the least and the greatest possible score
 
     def score(self, coded: Mapping[str, Any]) -> float | None:
-        """Return the score of a response from values of `Definition.coded`; None when an answer is
-        missing that the rule needs, or all are.
-        """
+        """Return the score from `Definition.coded`; None where an answer it needs is missing."""
         given: list[float] = [coded[key] for key in self.items if coded.get(key) is not None]
         if self.rule in {"sus", "tlx_raw"} and len(given) < len(self.items):
             return None
@@ -55,9 +53,7 @@ class ScoredScale:
 
 
 def scales_of(definition: Definition) -> tuple[ScoredScale, ...]:
-    """Return the scales of a questionnaire: the whole, unless its scoring is `topics`, and the
-    topics; none where it is not scored.
-    """
+    """Return the whole (unless scored by `topics`) and the topics; none where it is not scored."""
     rule = definition.scoring
     if rule == "none":
         return ()
@@ -81,7 +77,6 @@ def topic_scales(definition: Definition) -> tuple[ScoredScale, ...]:
 
 
 def parts_of(definition: Definition) -> tuple[ScoredScale, ...]:
-    """Return the six scales of the TLX, which are reported beside their mean; none for others."""
     scored = definition.scored if definition.scoring == "tlx_raw" else ()
     return tuple(_item_scale(definition, question) for question in scored)
 
@@ -108,9 +103,7 @@ def _bounds(definition: Definition, items: Sequence[str]) -> tuple[float, float]
 
 
 def scores(definition: Definition, values: Mapping[str, Any]) -> dict[str, float | None]:
-    """Return the scores of one response by name from its stored values: `score` (or the name of the
-    rule) for the whole, `score_<topic>` for topics.
-    """
+    """Return scores of stored values: `score` or the name of the rule, and `score_<topic>`."""
     coded = definition.coded(values)
     return {scale.name: scale.score(coded) for scale in scales_of(definition)}
 

@@ -38,7 +38,6 @@ ANSWERS = Attempts("survey-answer", limit=240)
 @login_required
 @require_safe
 def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
-    """Redirect to where the respondent left off, or on from a finished response."""
     row = _own_response(request, response)
     return _go_on(row, row.questionnaire.as_definition(), timezone.now())
 
@@ -119,7 +118,6 @@ def _show(
 @require_POST
 @limited(ANSWERS, json=True)
 def answer(request: HttpRequest, response: UUID) -> JsonResponse:
-    """Save one answer while the page is filled in; `error` has the reason when it is not saved."""
     if not request.user.is_authenticated:
         return _not_saved(_("You are logged out. Log in again to continue."), SIGNED_OUT)
     row = _own_response(request, response)
@@ -144,7 +142,6 @@ def _not_saved(error: str, status: int) -> JsonResponse:
 @login_required
 @require_safe
 def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
-    """Thank the respondent of a questionnaire outside of a study."""
     row = _own_response(request, response)
     definition = row.questionnaire.as_definition()
     if row.finished_at is None:
@@ -154,7 +151,6 @@ def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
 
 
 def _own_response(request: HttpRequest, pk: UUID) -> Response:
-    """Return a response of the user who is signed in; 404 for all others."""
     rows = Response.objects.select_related("questionnaire").exclude(user=None)
     return get_object_or_404(rows, pk=pk, user_id=request.user.pk)
 

@@ -34,7 +34,6 @@ class Renamed:
     hypotheses: Mapping[str, str] = field(default_factory=dict)
 
     def of(self, key: str, value: Any) -> Any:
-        """Return what a field of a document has after the renaming."""
         match key:
             case "effect":
                 return ":".join(self.factors.get(name, name) for name in value.split(":"))
@@ -61,9 +60,7 @@ def is_list(value: Any) -> bool:
 
 
 def renamed(part: Any, names: Renamed, key: str = "") -> Any:
-    """Return a document (the field `key` of another) in which each reference has its new name. The
-    parts that have the names keep theirs.
-    """
+    """Return a document (the field `key` of another) with the new names in its references only."""
     if isinstance(part, dict) and key != "levels":
         return {name: renamed(value, names, name) for name, value in part.items()}
     if is_list(part) and not all(isinstance(one, str) for one in part):
@@ -134,9 +131,7 @@ def _with_cells(
 def _matched(
     study: StudyDefinition, cells: Iterable[DesignCell], blank: Condition
 ) -> Iterator[tuple[DesignCell, Condition, bool]]:
-    """Yield each cell with its condition, and whether that is new: a copy of one with the same
-    levels of the other factors, or of the first.
-    """
+    """Yield each cell with its condition; a new one (True) is a copy of one with shared levels."""
     left = list(study.conditions)
     for cell in cells:
         wanted = {factor.key: level.key for factor, level in cell}
@@ -158,7 +153,6 @@ def _matched(
 def _automatic(
     study: StudyDefinition, cell: Sequence[tuple[Factor, Level]]
 ) -> tuple[str, dict[str, str]]:
-    """Return the generated key and titles of a cell."""
     key = "_".join(level.key for _factor, level in cell)[:MOST_LETTERS].rstrip("_")
     titles = {
         language: ", ".join(filter(None, (spoken(level.title, language) for _one, level in cell)))

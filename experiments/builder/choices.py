@@ -46,9 +46,7 @@ def at_hand() -> AtHand:
 
 
 def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
-    """Return the choices of a form of a section, by key of the field. Doors, stations and mirrors
-    are those of the part's site, or of all sites of the study.
-    """
+    """Return the choices by field. Doors and docks are those of the part's or all sites."""
     here, study = at_hand(), row.as_definition()
     language = get_language() or ""
     sites = [part["site"]] if "site" in part else [one["site"] for one in whole["conditions"]]
@@ -86,7 +84,6 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
 
 
 def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
-    """Return the covariates of models: the age, and items of questionnaires about the person."""
     about_person = {step.questionnaire for step in study.asking if step.is_about_person}
     named = {
         f"{one.slug}.{item.key}": spoken(item.text, language)
@@ -99,7 +96,6 @@ def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
 
 
 def effects(study: StudyDefinition, language: str) -> dict[str, str]:
-    """Return the effects of models of a study with their titles."""
     titles = {one.key: spoken(one.title, language) or one.key for one in study.factors}
     crossed = (keys for n in range(1, len(titles) + 1) for keys in combinations(titles, n))
     named = {":".join(keys): " × ".join(titles[key] for key in keys) for keys in crossed}
@@ -108,9 +104,7 @@ def effects(study: StudyDefinition, language: str) -> dict[str, str]:
 
 
 def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
-    """Return what hypotheses can expect, by analysis: a sentence for each direction of an effect or
-    a contrast.
-    """
+    """Return what hypotheses can expect, by analysis: a sentence for each direction."""
     return {
         spoken(one.title, language) or one.key: dict(_claims(study, one, language))
         for one in study.analyses
@@ -190,7 +184,6 @@ def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
 
 
 def questionnaire_titles() -> dict[tuple[str, int], str]:
-    """Return the titles of all questionnaires by name and version."""
     titles = {key: one.title for key, one in publishing.shipped_questionnaires().items()}
     rows = Questionnaire.objects.values_list("slug", "version", "definition")
     titles |= {(slug, version): definition["title"] for slug, version, definition in rows}

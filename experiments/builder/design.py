@@ -4,7 +4,6 @@ assignment. The conditions follow from it (arrangement.py); a table shows them.
 
 import math
 import re
-import unicodedata
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
@@ -27,7 +26,7 @@ from experiments.definition.factors import (
 from experiments.definition.schema import Allocation, Condition, StudyDefinition
 from experiments.participation.assignment import cells
 from surveys.document_forms.parts import Document
-from surveys.documents import DocumentPart, spoken, text_in
+from surveys.documents import DocumentPart, ascii_name, spoken, text_in
 
 # Generated keys, which follow the title.
 _AUTOMATIC = re.compile(r"(factor|level)_\d+")
@@ -70,7 +69,6 @@ def shared_fields(whole: Document) -> tuple[str, ...]:
 
 
 def with_design(whole: Document, design: Document) -> Document:
-    """Return a study with a changed design and the new shared settings in its conditions."""
     fields, shared = shared_fields(whole), design.get("shared", {})
     own = {"factors": design.get("factors", []), "allocation": design.get("allocation", {})}
     own["conditions"] = [
@@ -81,9 +79,7 @@ def with_design(whole: Document, design: Document) -> Document:
 
 
 def set_by_levels(study: StudyDefinition, key: str) -> dict[str, str]:
-    """Return the fields of a condition that its levels set ("network.video.delay"), each with the
-    title of the level.
-    """
+    """Return the fields that levels set ("network.video.delay") with the titles of the levels."""
     condition = study.condition(key)
     return {
         ".".join(SETTINGS[name]): shown(level)
@@ -110,9 +106,7 @@ def restore(part: Document, former: Document, fields: Iterable[str]) -> None:
 
 
 def new_factor(factors: list[Document], setting: str, languages: Iterable[str]) -> Document:
-    """Return a factor with two levels that changes a setting, or with "" nothing on the robot. It
-    is within participants if the factor before it is.
-    """
+    """Return a factor with two levels that changes a setting ("": none), within if the last is."""
     taken = [one["key"] for one in factors]
     factor: Document = {"key": _next("factor", taken), "title": {}}
     if setting:
@@ -200,13 +194,10 @@ def _name(
 
 
 def _stem(part: Document, languages: Iterable[str], before: str) -> str:
-    """Return the key that follows from what a level sets, or from a title: "300 ms" of a delay is
-    "delay_300_ms". Empty without either.
-    """
+    """Return a key by the value or title: "300 ms" of a delay is "delay_300_ms"; "" for none."""
     values = [one for one in part.get("sets", {}).values() if isinstance(one, str)]
     text = next(iter(values), "") or text_in(part.get("title", {}), languages)
-    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
-    words = re.sub(r"[^a-z0-9]+", "_", plain).strip("_")
+    words = ascii_name(text)
     name = words if not words or words[0].isalpha() else f"{before}_{words}"
     return name[:MOST_LETTERS].rstrip("_")
 
@@ -222,7 +213,6 @@ def renaming(design: Document) -> Renamed:
 
 
 def values_text(changes: Iterable[str], sets: Mapping[str, Any]) -> str:
-    """Return what a level sets: "300 ms"."""
     known = (name for name in changes if sets.get(name) is not None)
     return ", ".join(setting_text(name, sets[name]) for name in known)
 
@@ -282,7 +272,6 @@ def _level_text(factor: Factor, level: Level) -> str:
 
 
 def _numbers(study: StudyDefinition) -> Iterator[str]:
-    """Yield how many conditions, cells and participants a design has."""
     together = conditions_together(study)
     if not together:
         return

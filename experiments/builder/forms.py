@@ -83,7 +83,6 @@ class StudyForm(DocumentForm):
         return publishing.begin_empty(name, title, languages, timezone.now())
 
     def _take(self, definition: StudyDefinition) -> Study:
-        """Store a definition, as a new study or in place of the draft."""
         is_taken = self.is_new and Study.objects.filter(slug=definition.slug).exists()
         if is_taken and not may(self.user, definition.slug, "owner"):
             words = gettext("The name %(slug)s is taken. Choose another one.")
@@ -118,9 +117,7 @@ class CopyForm(forms.Form):
 
 
 class MemberForm(forms.Form):
-    """A researcher, by user name or address. `invited` is the address of a person without an
-    account for the administration.
-    """
+    """A researcher by user name or address; `invited` is an address without a staff account."""
 
     person = forms.CharField(
         label=_("User name or e-mail address"),

@@ -10,7 +10,6 @@ import msgspec
 
 from experiments.builder.arrangement import free_key
 from experiments.builder.design import StudyDesign, design_of, new_factor, new_level, with_design
-from experiments.builder.labels import GUIDE
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import Code
 from experiments.definition.design import Factor
@@ -22,7 +21,6 @@ from experiments.definition.steps import KINDS
 from experiments.definition.wizard import WizardStage
 from robots.api.floorplan import FloorPlan
 from robots.api.messages import Point
-from surveys.document_forms.part_form import number
 from surveys.document_forms.parts import Document, in_languages, read_points
 
 # The fields of the study itself, by page.
@@ -93,7 +91,6 @@ class BuilderPlace:
         return PAGES.get(self.section, ())
 
     def put(self, whole: Document, part: Document) -> Document:
-        """Return a study with this part of it replaced."""
         if self.section == DESIGN:
             return with_design(whole, part)
         if self.section == PLAN:
@@ -114,7 +111,6 @@ class BuilderPlace:
 
 
 def parts_in(whole: Document, section: str) -> list[Document]:
-    """Return the parts of a list of the study, or of an optional part of it."""
     around = whole if section in LISTS else whole.get(INNER_LISTS[section]) or {}
     found: list[Document] = around.get(section, [])
     return found
@@ -146,14 +142,11 @@ class AtHand:
 
     @property
     def first(self) -> tuple[str, str]:
-        """A robot and a site for a new condition."""
         return next(iter(self.robots), "robot"), next(iter(self.sites), "site")
 
 
 def new_step(kind: str, blank: Mapping[str, Any], whole: Document) -> Document:
-    """Return a step without texts; `blank` has what its kind needs. A new questionnaire is repeated
-    if the task is.
-    """
+    """Return a step of a kind without texts; questionnaires repeat if the task does."""
     key = free_key(kind, _taken(whole, "steps"))
     is_repeated = any(one.get("repeat") and one["kind"] == "task" for one in whole["steps"])
     asks = issubclass(KINDS[kind], AskingStep) and KINDS[kind].may_repeat
@@ -162,9 +155,7 @@ def new_step(kind: str, blank: Mapping[str, Any], whole: Document) -> Document:
 
 
 def landing(whole: Document, step: Document) -> int | None:
-    """Return the last index at which a new step adds no problem of its kind; None if there is none,
-    for example for a second task.
-    """
+    """Return the last index at which a new step adds no problem of its kind; None without one."""
 
     def count(documents: list[Document]) -> int:
         steps = [msgspec.convert(one, KINDS[one["kind"]]) for one in documents]
@@ -251,9 +242,7 @@ def _suggested(robot: str, site: str, at_hand: AtHand) -> Document:
 def new_part(
     name: str, others: list[Document], kind: str, languages: Collection[str], at: Point
 ) -> Document | None:
-    """Return a new part of a list of that name ("factors.0.levels") beside the others, of a kind
-    if there are several, and placed at a point; None for other lists.
-    """
+    """Return a new part of a list ("factors.0.levels") at a point; None for other lists."""
     key, n = name.rpartition(".")[2], len(others)
     if key == "factors":
         return new_factor(others, kind if kind in SETTINGS else "", languages)
@@ -281,20 +270,6 @@ def new_part(
     return parts.get(key)
 
 
-def list_in(part: Document, name: str) -> list[Document] | None:
-    """Return the list of a name in a part, created if missing; None for other names."""
-    *path, key = name.split(".")
-    here: Any = part
-    for step in path:
-        if isinstance(here, list):
-            here = dict(enumerate(here)).get(number(step))
-        else:
-            here = here.get(step) if isinstance(here, dict) else None
-    is_list = isinstance(here, dict) and key in GUIDE.items
-    found = here.setdefault(key, []) if is_list else None
-    return found if isinstance(found, list) else None
-
-
 def clicked_point(at: str, default: Point) -> Point:
     """Return the point "x y" of a click on the map; `default` without one."""
     match read_points(at):
@@ -304,7 +279,6 @@ def clicked_point(at: str, default: Point) -> Point:
 
 
 def middle_of(plan: FloorPlan | None) -> Point:
-    """Return the middle of a site's first room, in metres."""
     if plan is None:
         return 0.0, 0.0
     xs, ys = zip(*plan.rooms[0].polygon, strict=True)

@@ -108,7 +108,6 @@ class StudyPartForm(PartForm):
             yield from super().fields_of(member, value, name)
 
     def fix(self, name: str, words: str) -> None:
-        """Disable a field, and show why."""
         if name in self.fields:
             self[name].help_text = words
             self.fields[name].widget.attrs["disabled"] = True

@@ -15,7 +15,6 @@ from surveys.documents import text_in
 
 
 def kinds(section: str) -> list[tuple[str, Any]]:
-    """Return the kinds of parts that can be added to a list, with their labels."""
     if section == "steps":
         return [(kind, page_type(kind).label) for kind in KINDS]
     named = {
@@ -29,7 +28,6 @@ def kinds(section: str) -> list[tuple[str, Any]]:
 
 
 def title_of(part: Document, whole: Document) -> str:
-    """Return the title of a step, condition or course in the first language that has it."""
     named = {"robot": part.get("robot", ""), "site": part.get("site", "")}
     return (
         text_in(part.get("title", {}), whole["languages"])
@@ -43,9 +41,7 @@ def title_of(part: Document, whole: Document) -> str:
 def about(
     section: str, part: Document, whole: Document, titles: Mapping[tuple[str, int], str]
 ) -> Iterator[Any]:
-    """Yield the summary of a part of a list, with empty texts. `titles` are those of
-    questionnaires by name and version.
-    """
+    """Yield the summary of a part, with empty texts; `titles` by questionnaire and version."""
     if section == "steps":
         yield page_type(part["kind"]).label
         if "questionnaire" in part:

@@ -103,7 +103,6 @@ def linked_doubts(row: Row) -> list[LinkedProblem]:
 
 
 def linked(row: Row, found: Iterable[Problem]) -> list[LinkedProblem]:
-    """Return problems in the language of the page, each with the page on which it is corrected."""
     whole = whole_of(row)
 
     def title(part: Document) -> str:
@@ -131,7 +130,6 @@ class BuilderPages(StudyPages):
         ]
 
     def section_view(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
-        """Show or change a page of the study's own fields, or a list of its parts."""
         if section in {*pages.PAGES, PLAN, DESIGN}:
             return self._form(request, row, BuilderPlace(section))
         if section not in {*LISTS, *INNER_LISTS} - {"factors"}:
@@ -294,14 +292,12 @@ def _shown_form(
 
 
 def _read(request: HttpRequest, row: Row, place: BuilderPlace, whole: Document) -> SubmittedPart:
-    """Return the input of a form, after its button: `save`, `add:<list>`, or
-    `remove|up|down:<list>:<n>`.
-    """
+    """Return a form after its button: `save`, `add:<list>`, or `remove|up|down:<list>:<n>`."""
     former, study = place.part(whole) or {}, row.as_definition()
     cls = place.cls(former)
     part = StudyPartForm.read(cls, request.POST, only=place.only)
     refused = _store_media(request, row, part)
-    anchor = _press(part, request.POST, whole["languages"])
+    anchor = _press(part, request.POST, place, cls, whole["languages"])
     match place.section:
         case "courses":
             part = pages.renumber(part)
@@ -333,11 +329,13 @@ def _store_media(request: HttpRequest, row: Row, part: Document) -> dict[str, st
     return refused
 
 
-def _press(part: Document, sent: Any, languages: Collection[str]) -> str:
+def _press(
+    part: Document, sent: Any, place: BuilderPlace, cls: type[Any], languages: Collection[str]
+) -> str:
     """Apply a button of a form to one of the lists in it; return the anchor to continue at."""
     verb, name, what = pressed(sent)
-    values = pages.list_in(part, name) if verb in {"add", "remove", "up", "down"} else None
-    if values is None:
+    values = StudyPartForm.list_in(part, name, cls, place.only)
+    if values is None or verb not in {"add", "remove", "up", "down"}:
         return ""
     if verb != "add":
         values[:] = change(values, verb, number(what))
@@ -353,7 +351,6 @@ def _press(part: Document, sent: Any, languages: Collection[str]) -> str:
 
 
 def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> list[str]:
-    """Store the input of a form, or return why not."""
     if request.POST.get("sha256") != row.sha256:
         return [str(MEANWHILE)]
     whole, part = whole_of(row), draft.part
@@ -367,9 +364,7 @@ def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedP
 
 
 def _store(row: Row, whole: Document, *, draws: bool = False) -> list[str]:
-    """Store a study with what follows from its design, or return why not; `draws` adds missing
-    courses.
-    """
+    """Store a study with what its design implies, or return why not; `draws` adds courses."""
     try:
         study, here = msgspec.convert(whole, StudyDefinition), choices.at_hand()
         blank = msgspec.convert(pages.new_condition(whole, here), Condition)
@@ -387,9 +382,7 @@ def _store(row: Row, whole: Document, *, draws: bool = False) -> list[str]:
 
 
 def _list_of(row: Row, section: str) -> Document:
-    """Return the parts of a list, the kinds that can be added, and whether it follows from the
-    design.
-    """
+    """Return the parts of a list, the kinds to add, and whether they follow from the design."""
     whole = whole_of(row)
     is_derived = section == "conditions" and bool(whole["factors"])
     titles = choices.questionnaire_titles() if section == "steps" else {}
@@ -418,9 +411,7 @@ def drawn_course(course: Document) -> Document:
 
 
 def course_check(study: StudyDefinition, n: int) -> Document:
-    """Return the problems of the course with a number, and of its conditions because of it, as
-    sentences, and the numbers of their checkpoints.
-    """
+    """Return the problems of a course, and of its conditions because of it, with checkpoints."""
     course = study.courses[n]
     mine = (one for one in problems(study) if one.place == ProblemPlace("courses", n))
     place = (course.robot, course.site)

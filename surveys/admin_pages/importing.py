@@ -77,7 +77,6 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
 @require_http_methods(["GET", "HEAD", "POST"])
 @permission_required(ADD, raise_exception=True)
 def choose(request: HttpRequest) -> HttpResponse:
-    """Read a file and show the report, without storing it."""
     form = FileForm(request.POST, request.FILES) if request.method == "POST" else FileForm()
     if not form.is_valid():
         return _page(request, {"form": form})
@@ -100,7 +99,6 @@ def choose(request: HttpRequest) -> HttpResponse:
 @require_POST
 @permission_required(ADD, raise_exception=True)
 def save(request: HttpRequest) -> HttpResponse:
-    """Store a signed questionnaire as a new version of its name."""
     form = SaveForm(request.POST)
     try:
         document, report_document = signing.loads(

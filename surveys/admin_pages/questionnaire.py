@@ -68,7 +68,6 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
 def _around(
     row: Questionnaire, definition: Definition, number: int, language: str
 ) -> dict[str, Any]:
-    """Return the links of a preview to other pages and languages."""
     address = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
 
     def link(label: str, page: int, other: str) -> dict[str, Any]:
@@ -122,7 +121,6 @@ def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
 @require_POST
 @permission_required(ADD, raise_exception=True)
 def take_shipped(request: HttpRequest) -> HttpResponseRedirect:
-    """Store the questionnaires that come with the site, or one of them."""
     wanted = request.POST.get("questionnaire", "")
     new = [one for one in shipped_and_not_stored() if wanted in {"", one.slug}]
     for definition in new:

@@ -14,6 +14,7 @@ from django.utils.text import capfirst
 from django.utils.translation import get_language_info, gettext, gettext_lazy
 from msgspec import inspect
 
+from surveys.document_forms.guide import is_among
 from surveys.document_forms.parts import AskedField, choices_of, literals, read_number, read_points
 
 NOT_POINTS = "Write one point per line: x and y in metres."
@@ -52,7 +53,6 @@ def _labels(offers: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
 
 
 def language_name(code: str) -> str:
-    """Return the name of a language, or its code where Django has no name."""
     try:
         return str(capfirst(get_language_info(code)["name_translated"]))
     except KeyError:
@@ -77,7 +77,7 @@ class ValueField(forms.Field):
     ) -> None:
         self.member, self.style, self.language, self.allowed = member, style, language, allowed
         self.language_name = language_name(language) if language else ""
-        self.is_detail = member.guide.is_detail(member.called)
+        self.is_detail = is_among(member.guide.details, member.called)
         widget.attrs |= {"lang": language} if language else {}
         super().__init__(
             required=False,
@@ -267,7 +267,7 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
         return NamesField(member, "choices", forms.CheckboxSelectMultiple(choices=listed))
     if isinstance(shape, inspect.BoolType):
         return CheckField(member, "check", forms.CheckboxInput())
-    if member.guide.is_angle(member.called):
+    if is_among(member.guide.angles, member.called):
         return DegreesField(member, value)
     if isinstance(shape, inspect.IntType | inspect.FloatType):
         return NumberField(member, "number", _line(inputmode="decimal"))
@@ -280,7 +280,8 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
 
 
 def text_field(member: AskedField, language: str = "") -> ValueField:
-    style, widget = ("text", _box(8)) if member.guide.is_long(member.called) else ("line", _line())
+    is_long = is_among(member.guide.long, member.called)
+    style, widget = ("text", _box(8)) if is_long else ("line", _line())
     return ValueField(member, style, widget, language=language)
 
 

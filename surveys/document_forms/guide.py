@@ -42,15 +42,6 @@ class FormGuide:
     def word(self, called: str, value: str) -> Any:
         return _of(self.choices, called, {}).get(value, value)
 
-    def is_detail(self, called: str) -> bool:
-        return _is_among(self.details, called)
-
-    def is_long(self, called: str) -> bool:
-        return _is_among(self.long, called)
-
-    def is_angle(self, called: str) -> bool:
-        return _is_among(self.angles, called)
-
     def is_hidden(self, cls: type[Any], key: str) -> bool:
         return any(key in self.hidden.get(base, ()) for base in cls.__mro__)
 
@@ -60,7 +51,7 @@ class FormGuide:
         return frozenset().union(*(others for key, others in instead.items() if has(key)))
 
 
-def _is_among(names: frozenset[str], called: str) -> bool:
+def is_among(names: frozenset[str], called: str) -> bool:
     return called in names or called.rpartition(".")[2] in names
 
 

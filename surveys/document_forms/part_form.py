@@ -54,9 +54,7 @@ class FormLayout:
 
 @dataclass(frozen=True)
 class Group(FormLayout):
-    """A part, an optional part (`switch` is the name of its checkbox), a part of one `kind` among
-    several, or a list of parts.
-    """
+    """A part, optional part (`switch` names its checkbox), one `kind` of several, or a list."""
 
     name: str
     member: AskedField
@@ -76,7 +74,6 @@ class Group(FormLayout):
 
     @property
     def list_name(self) -> str:
-        """The name of the list that it is, or is in."""
         return self.name if self.number is None else self.name.rpartition(".")[0]
 
     @property
@@ -219,6 +216,30 @@ class PartForm(FormLayout, forms.Form):
             texts = {key.removeprefix(f"{name}."): text_of(sent.get(key)) for key in keys}
             return {language: text for language, text in texts.items() if text}
         return field_of(member).to_python(sent.getlist(name))
+
+    @classmethod
+    def list_in(
+        cls, document: Document, name: str, part: type[Any], only: Collection[str] = ()
+    ) -> list[Document] | None:
+        """Return the list of parts at a path ("factors.0.levels") in the document of a class,
+        created if missing; None for paths that the form does not have.
+        """
+        key, _dot, rest = name.partition(".")
+        member = next((one for one in members(cls.guide, part, only) if one.key == key), None)
+        if member is None:
+            return None
+        inner, inner_class = document.get(key), member.part or member.listed
+        if member.listed is not None:
+            if not rest:
+                found: list[Document] = document.setdefault(key, [])
+                return found
+            n, _dot, rest = rest.partition(".")
+            inner = dict(enumerate(inner or ())).get(number(n))
+        elif member.part is not None and not member.has_none:
+            inner = document.setdefault(key, {})
+        if inner_class is None or not isinstance(inner, dict):
+            return None
+        return cls.list_in(inner, rest, inner_class)
 
 
 MEANWHILE = gettext_lazy(

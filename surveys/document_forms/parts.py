@@ -30,12 +30,10 @@ class AskedField:
 
     @property
     def part(self) -> type[Any] | None:
-        """The class of a part; None for other values."""
         return self.shape.cls if isinstance(self.shape, inspect.StructType) else None
 
     @property
     def listed(self) -> type[Any] | None:
-        """The class of the parts in a list; None for other values."""
         inner = self.shape.item_type if isinstance(self.shape, inspect.VarTupleType) else None
         return inner.cls if isinstance(inner, inspect.StructType) else None
 
@@ -83,15 +81,12 @@ def literals(annotation: Any) -> Iterator[str]:
 
 
 def is_numbered(member: AskedField) -> bool:
-    """Tell whether the parts of a list are numbered by their place."""
     cls = member.listed
     return cls is not None and "number" in member.guide.hidden.get(cls, ())
 
 
 def read_number(text: str, *, whole: bool, mark: str = ".") -> int | float | str:
-    """Return the finite number in a text, or the text itself when it is none. `mark` is a decimal
-    mark beside the point.
-    """
+    """Return the finite number in a text, else the text; `mark` is a second decimal mark."""
     try:
         value = int(text) if whole else float(text.replace(mark, "."))
     except ValueError:
@@ -108,9 +103,7 @@ def read_points(text: str, mark: str = ".") -> list[list[float]] | str:
 
 
 def change(values: list[Any], verb: str, n: int) -> list[Any]:
-    """Return a copy of a list with its part number `n` (from 0) removed, copied, or moved up or
-    down, where that is possible.
-    """
+    """Return a copy of a list with part `n` (from 0) removed, copied or moved, where possible."""
     changed = list(values)
     match verb if 0 <= n < len(values) else "":
         case "remove":
@@ -125,7 +118,6 @@ def change(values: list[Any], verb: str, n: int) -> list[Any]:
 
 
 def in_languages(cls: type[Any], document: Document, languages: Collection[str]) -> Document:
-    """Return a document without the texts in other languages."""
     fields = {one.encode_name: one for one in msgspec.structs.fields(cls)}
     return {
         key: _in_languages(fields[key], value, languages) if key in fields else value

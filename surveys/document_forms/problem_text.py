@@ -15,7 +15,6 @@ ByPlace = dict[ProblemPlace, list[str]]
 
 
 def sentences(found: Iterable[Problem | str]) -> list[str]:
-    """Return a sentence for each problem in the language of the page."""
     return [one.sentence(_) if isinstance(one, Problem) else one for one in found]
 
 
@@ -46,9 +45,7 @@ def text_name(
     path: Iterable[str | int],
     title: Callable[[Document], str] = lambda _part: "",
 ) -> str:
-    """Return the name of a text: the labels on its path in a part; of a part of a list, its title
-    or number.
-    """
+    """Return the labels on the path to a text; of a part of a list, its title or number."""
     names: list[str] = []
     here, called = part or {}, ""
     for step in path:

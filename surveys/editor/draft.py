@@ -5,7 +5,6 @@ Keys are made here and stay, because answers are stored under them.
 import copy
 import itertools
 import re
-import unicodedata
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,7 +15,7 @@ from msgspec import inspect
 from surveys.definition import Definition, Page
 from surveys.document_forms.fields import decimal_mark
 from surveys.document_forms.parts import Document, change, in_languages, read_number
-from surveys.documents import DocumentPart
+from surveys.documents import DocumentPart, ascii_name
 from surveys.item import Question, ScalePoint
 from surveys.questions import TYPES
 
@@ -31,16 +30,13 @@ class EditedScale(DocumentPart, frozen=True, kw_only=True):
 
 @dataclass(frozen=True)
 class EditorPlace:
-    """What a form edits: the questionnaire itself ("about"), or one of its "pages", "questions" or
-    "scales".
-    """
+    """What a form edits: "about" (the questionnaire), or one of "pages", "questions", "scales"."""
 
     section: str
     key: str = ""
 
     @property
     def only(self) -> Collection[str]:
-        """The fields of the form; none means all."""
         return ABOUT if self.section == "about" else ()
 
     def cls(self, part: Document) -> type[Any]:
@@ -49,7 +45,6 @@ class EditorPlace:
         return {"about": Definition, "pages": Page, "scales": EditedScale}[self.section]
 
     def part(self, whole: Document) -> Document | None:
-        """Return the part that is edited; None when it does not exist."""
         if self.section == "about":
             return whole
         if self.section == "scales":
@@ -58,7 +53,6 @@ class EditorPlace:
         return next((parts[n] for parts, n in self.located(whole)), None)
 
     def put(self, whole: Document, part: Document) -> Document:
-        """Return the questionnaire with this part replaced."""
         if self.section == "about":
             languages = part["languages"]
             kept = {key: value for key, value in whole.items() if key not in ABOUT}
@@ -87,7 +81,6 @@ class EditorPlace:
 
 
 def keys_of(part: Document) -> list[str]:
-    """Return the keys of a page or question, and of its rows."""
     return [part["key"], *(row["key"] for row in part.get("rows", ()))]
 
 
@@ -100,7 +93,6 @@ def keys_in(whole: Document) -> set[str]:
 
 
 def numbered(stem: str, taken: Collection[str]) -> str:
-    """Return a key that is not taken: the stem with a number."""
     keys = (f"{stem[:LONGEST_STEM]}{n}" for n in itertools.count(1))
     return next(key for key in keys if key not in taken)
 
@@ -137,8 +129,7 @@ def _option_value(option: Document, taken: Collection[str]) -> str:
     if value and value not in taken and not _NUMBERED.fullmatch(value):
         return str(value)
     label = next(filter(None, option.get("label", {}).values()), "")
-    ascii_only = unicodedata.normalize("NFKD", label).encode("ascii", "ignore").decode().lower()
-    stem = re.sub(r"[^a-z0-9]+", "_", ascii_only).strip("_")[:LONGEST_STEM]
+    stem = ascii_name(label)[:LONGEST_STEM]
     wanted = stem or value
     return wanted if wanted and wanted not in taken else numbered(f"{stem or 'option'}_", taken)
 
@@ -151,16 +142,16 @@ def new_question(kind: str, scale: str, whole: Document) -> Document:
             made[one.encode_name] = scale if one.name == "scale" else _blank(one)
     for name in [name for name, value in made.items() if value == []]:
         for _ in range(2):
-            made[name].extend(new_entry(TYPES[kind], name, made, whole))
+            made[name].append(new_entry(TYPES[kind], name, made, whole))
     return made
 
 
-def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> list[Document]:
-    """Return a new part for a list in a page, question or scale, in a list; none without one."""
-    types = {one.name: inspect.type_info(one.type) for one in msgspec.structs.fields(cls)}
-    inner = getattr(types.get(name), "item_type", None)
-    if not isinstance(inner, inspect.StructType):
-        return []
+def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> Document:
+    """Return a new part for a list in a page, question or scale."""
+    types: dict[str, Any] = {
+        one.name: inspect.type_info(one.type) for one in msgspec.structs.fields(cls)
+    }
+    inner = types[name].item_type
     stem = f"{part['key']}_" if name == "rows" else f"{name.removesuffix('s')}_"
     made: Document = {}
     for one in (one for one in msgspec.structs.fields(inner.cls) if one.required):
@@ -171,7 +162,7 @@ def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> lis
             made[one.name] = max((n for n in others if isinstance(n, int)), default=0) + 1
         else:
             made[one.name] = _blank(one)
-    return [made]
+    return made
 
 
 def _blank(field: Any) -> Any:
@@ -179,7 +170,6 @@ def _blank(field: Any) -> Any:
 
 
 def copied(original: Document, whole: Document) -> Document:
-    """Return a copy of a page or question with new keys."""
     copy_of, taken = copy.deepcopy(original), keys_in(whole)
     parts = [copy_of, *copy_of.get("items", ())]
     for one in [*parts, *(row for part in parts for row in part.get("rows", ()))]:
@@ -212,9 +202,7 @@ def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
 def type_answers(
     condition: Document, former: Document | None, questions: Sequence[Question]
 ) -> None:
-    """Convert the answers in a condition to stored values; they are removed when the question has
-    changed.
-    """
+    """Convert answers in a condition to stored values; drop them when the question has changed."""
     asked = next((one for one in questions if one.key == condition.get("item")), None)
     if former is not None and former.get("item") != condition.get("item"):
         condition.pop("is", None)

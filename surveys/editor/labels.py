@@ -136,9 +136,7 @@ READY: Mapping[str, tuple[Any, Sequence[Any]]] = {
 def ready_points(
     name: str, languages: Sequence[str], former: Sequence[Document] = ()
 ) -> list[Document]:
-    """Return the points of an offered scale with labels in the languages of the site; of a `former`
-    scale, only languages without any label are filled in.
-    """
+    """Return the points of an offered scale; of a `former` one, label only unlabelled languages."""
     labels, known = READY[name][1], {code for code, _label in settings.LANGUAGES}
     new = ({"value": n} for n in range(1, len(labels) + 1))
     points = [{"label": {}} | one for one in former or new]
@@ -152,7 +150,6 @@ def ready_points(
 
 
 def scale_name(points: Sequence[Document], text_of: Any) -> str:
-    """Return the name of a scale: its ends and number of points."""
     ends = [text_of(point.get("label", {})) or str(point["value"]) for point in points]
     words = {"first": ends[0] if ends else "", "last": ends[-1] if ends else "", "n": len(points)}
     return gettext("%(first)s … %(last)s (%(n)d points)") % words

@@ -27,8 +27,6 @@ def address(row: Questionnaire, place: EditorPlace | None = None) -> str:
 
 
 def problem_texts(found: Iterable[Problem], whole: Document) -> Problems:
-    """Return the sentences of problems by the form in which each is corrected."""
-
     def name_of(one: Problem) -> str:
         return text_name(GUIDE, form_for(one.place).part(whole), one.path)
 
@@ -40,7 +38,6 @@ def problem_texts(found: Iterable[Problem], whole: Document) -> Problems:
 
 
 def listed(row: Questionnaire, whole: Document, found: Problems) -> dict[str, Any]:
-    """Return the pages with their questions, numbered throughout, and the scales."""
     pages, number = [], 0
     for n, page in enumerate(whole["pages"], start=1):
         questions = []
@@ -70,11 +67,9 @@ def _line(row: Questionnaire, place: EditorPlace, title: str, found: Problems) -
 
 
 def preview_of(row: Questionnaire, page: int) -> str:
-    """Return the address of a page as respondents see it."""
     start = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
     return f"{start}?{urlencode({'page': page, 'language': get_language() or ''})}"
 
 
 def text_of(text: Document, whole: Document) -> str:
-    """Return a text in the language of the page, or in one that it has."""
     return text_in(text, [get_language() or "", *whole["languages"]])

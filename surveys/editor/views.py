@@ -80,7 +80,6 @@ class WriteForm(forms.Form):
 
 
 def leads_here(request: HttpRequest, title: str, url: str) -> None:
-    """Have the editor link back to the page of a study that it was opened from."""
     opened_from = {"title": title, "url": url}
     if request.session.get(OPENED_FROM) != opened_from:
         request.session[OPENED_FROM] = opened_from
@@ -99,7 +98,6 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
 @require_http_methods(["GET", "HEAD", "POST"])
 @permission_required(ADD, raise_exception=True)
 def write(request: HttpRequest) -> HttpResponse:
-    """Ask for title, languages and name, and store a draft."""
     form = WriteForm(request.POST or None)
     if form.is_valid():
         title, name = form.cleaned_data["title"], form.cleaned_data["name"]
@@ -115,7 +113,6 @@ def write(request: HttpRequest) -> HttpResponse:
 
 @require_http_methods(["GET", "HEAD", "POST"])
 def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
-    """Show the pages with their questions; a button adds, moves, copies or removes one."""
     row = _row(request, pk)
     whole = whole_of(row)
     if request.method == "POST":
@@ -134,7 +131,6 @@ def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
 
 @require_http_methods(["GET", "HEAD", "POST"])
 def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpResponse:
-    """Show the form of the questionnaire itself or a part of it; a POST changes it."""
     row, place = _row(request, pk), EditorPlace(section, key)
     whole = whole_of(row)
     is_known = section in {*TITLES, "questions"} and bool(key) != (section == "about")
@@ -169,7 +165,6 @@ def whole_of(row: Questionnaire) -> Document:
 
 
 def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
-    """Store a draft; return the reason when it cannot be stored, else ""."""
     if request.POST.get("sha256") != row.sha256:
         return str(MEANWHILE)
     asked = {item.get("scale") for page in whole["pages"] for item in page["items"]}
@@ -198,9 +193,7 @@ def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpRes
 
 
 def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None:
-    """Add a page, a question of a kind to the page of the place, or an offered or empty scale;
-    return its place.
-    """
+    """Add a page, a question to a page, or an offered or empty scale; return its place."""
     if place.section == "pages":
         key = numbered("page_", keys_in(whole))
         whole["pages"].append({"key": key, "items": []})
@@ -222,27 +215,25 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
 def _read(
     request: HttpRequest, place: EditorPlace, former: Document, whole: Document
 ) -> SubmittedPart:
-    """Return a form after the action of its button: `save`, `done`, `add:<list>`, or
-    `remove|up|down:<list>:<n>`.
-    """
+    """Return a form after its button: `save`, `done`, `add:<list>`, `remove|up|down:<list>:<n>`."""
     cls = place.cls(former)
     part = complete(EditorForm.read(cls, request.POST, only=place.only), former, whole)
     if part.get("show_if"):
         questions = list(msgspec.convert(whole, Definition).questions())
         type_answers(part["show_if"], former.get("show_if"), questions)
     verb, name, n = pressed(request.POST)
-    anchor = name
-    if verb == "add" and (made := new_entry(cls, name, part, whole)):
-        part[name] = [*part.get(name, ()), *made]
-        anchor = f"{name}.{len(part[name]) - 1}"
-    elif isinstance(part.get(name), list):
-        part[name] = change(part[name], verb, number(n))
+    anchor, values = name, EditorForm.list_in(part, name, cls, place.only)
+    if values is not None and verb == "add":
+        values.append(new_entry(cls, name, part, whole))
+        anchor = f"{name}.{len(values) - 1}"
+    elif values is not None:
+        values[:] = change(values, verb, number(n))
         if name == "points":
             # Only the labels move: values must increase.
-            values = [point["value"] for point in part[name]]
-            if all(isinstance(one, int) for one in values):
-                values.sort()
-            part[name] = [one | {"value": n} for one, n in zip(part[name], values, strict=True)]
+            numbers = [point["value"] for point in values]
+            if all(isinstance(one, int) for one in numbers):
+                numbers.sort()
+            values[:] = [one | {"value": n} for one, n in zip(values, numbers, strict=True)]
     offered = _offered(whole, place, part)
     form = EditorForm(cls, part, offered=offered, only=place.only, is_sent=True)
     return SubmittedPart(part, form.refusals, anchor=anchor)
@@ -282,7 +273,6 @@ def _show(
 
 
 def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
-    """Return the choices of a form with their labels."""
     definition, text = msgspec.convert(whole, Definition), partial(text_of, whole=whole)
     texts = {one.key: _in_full(one, text) for one in definition.questions()}
     scales = {name: scale_name(points, text) for name, points in whole["scales"].items()}

@@ -63,9 +63,7 @@ class Draft:
 
     @contextmanager
     def trying(self, note: Note) -> Iterator[None]:
-        """Import a question; one that this site cannot ask is left out with the reason, and its
-        names are free again.
-        """
+        """Leave out a question that cannot be asked here, with the reason, and free its names."""
         before = set(self._keys)
         try:
             yield
@@ -106,7 +104,6 @@ class Draft:
         return dict.fromkeys(self.languages, text)
 
     def joined(self, *texts: Text, by: str = " – ") -> Text:
-        """Return several texts as one; empty ones are left out."""
         full = [text for text in texts if text]
         return {
             language: by.join(text[language] for text in full)
@@ -160,9 +157,7 @@ class Draft:
         self._pages.append(page | {"order": "shuffled" if is_shuffled else "fixed"})
 
     def introduce(self, note: Note, text: Text) -> None:
-        """Show a text without a question as the introduction of the page, or of a new one when the
-        page has questions already.
-        """
+        """Show a text as the introduction of the page; after questions, of a new page."""
         if not text:
             raise NotImportedError(_("It has no text."))
         page = self._pages[-1]

@@ -34,11 +34,9 @@ class LimeSurveyRow:
         return self.row.get(column, "")
 
     def text(self, column: str) -> dict[str, str]:
-        """Return a column of the texts by language."""
         return {language: row.get(column, "") for language, row in self.texts.items()}
 
     def attribute(self, name: str) -> str:
-        """Return an attribute that has no language; "" when it is not set."""
         return self.attributes.get((name, ""), "")
 
     def attribute_texts(self, name: str) -> dict[str, str]:
@@ -76,9 +74,7 @@ def _language(code: str) -> str:
 def _localized(
     tables: Tables, table: str, keys: Sequence[str], texts: str, joined_by: str
 ) -> list[LimeSurveyRow]:
-    """Return each row of a table that differs in its keys, with its texts by language: rows of the
-    same keys, and those of another table.
-    """
+    """Return rows that differ in their keys, with texts by language from here and from `texts`."""
     others: dict[str, dict[str, Row]] = {}
     for row in tables.get(texts, ()):
         others.setdefault(row.get(joined_by, ""), {})[_language(row.get("language", ""))] = row

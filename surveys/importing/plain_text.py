@@ -94,8 +94,6 @@ def _closed(html: str) -> str:
 
 
 def _tidy(text: str) -> str:
-    """Return a text without empty lines, surrounding blanks, and control characters, which a
-    database refuses.
-    """
+    """Return a text without empty lines, outer blanks, and control characters (for PostgreSQL)."""
     lines = (re.sub(r"[\s\x00-\x1f\u00a0]+", " ", line).strip() for line in text.splitlines())
     return "\n".join(line for line in lines if line not in {"", "-"})

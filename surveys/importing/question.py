@@ -72,7 +72,6 @@ class ImportedQuestion:
         )
 
     def note_reversal(self, text: str) -> None:
-        """Add a remark when a text mentions reverse scoring."""
         if re.search(r"\brevers(e|ed)\b|\binvert(ed|ido|ida)\b|\bumgepolt\b", text, re.IGNORECASE):
             self.note.changed(
                 _("It is reverse-scored in the file. If a score uses it, add reverse: %(text)s"),
@@ -88,7 +87,6 @@ class ImportedQuestion:
         return text or self.draft.same(self.name)
 
     def word(self, name: str) -> Text:
-        """Return an answer of WORDS in the languages of the file."""
         known = WORDS[name]
         lacking = [one for one in self.draft.languages if one.split("-")[0] not in known]
         if lacking:

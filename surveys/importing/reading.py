@@ -1,7 +1,5 @@
 """Reading a file of any known format in a child process."""
 
-import re
-import unicodedata
 from typing import Any
 
 import msgspec
@@ -10,7 +8,7 @@ from django.utils.translation import gettext as _
 from robots.files.limited_process import ImportRefusedError, run_limited
 from surveys.definition import Definition
 from surveys.document_forms.problem_text import sentences
-from surveys.documents import BadDefinitionError
+from surveys.documents import BadDefinitionError, ascii_name
 from surveys.importing.draft import Draft
 from surveys.importing.formats import FORMATS
 from surveys.importing.report import ImportReport
@@ -20,9 +18,7 @@ MAX_SLUG = 40
 
 
 class ImportedSurvey(msgspec.Struct, frozen=True):
-    """A questionnaire from a file under a name by its title, and a report. Without a definition,
-    `problems` are the reasons.
-    """
+    """A questionnaire, named by its title, and a report; `problems` say why there is none."""
 
     slug: str
     report: ImportReport
@@ -42,7 +38,6 @@ def import_survey(document: bytes, language: str, form: str, slug: str = "") -> 
 
 
 def read_plain(document: bytes, language: str, form: str, slug: str) -> Any:
-    """Return an ImportedSurvey as plain data, which a child process can return."""
     draft = read(document, language, form)
     name = slug or slug_for(next(iter(draft.title.values()), ""))
     try:
@@ -71,8 +66,6 @@ def read(document: bytes, language: str = "en", form: str = "") -> Draft:
 
 
 def slug_for(title: str) -> str:
-    """Return a name for a questionnaire with this title."""
-    ascii_only = unicodedata.normalize("NFKD", title).encode("ascii", "ignore").decode()
-    words = re.sub(r"[^a-z0-9]+", "-", ascii_only.lower()).strip("-")
+    words = ascii_name(title, "-")
     slug = words if words[:1].isalpha() else f"survey-{words}"
     return slug[:MAX_SLUG].strip("-")

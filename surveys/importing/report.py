@@ -60,7 +60,6 @@ class ImportReport(msgspec.Struct):
     notes: list[Note] = []
 
     def counts(self) -> list[tuple[ImportOutcome, str, int]]:
-        """Return each outcome with its label and number of lines."""
         found = [note.outcome for note in self.notes]
         return [(outcome, str(label), found.count(outcome)) for outcome, label in LABELS.items()]
 
@@ -71,6 +70,5 @@ def clean(text: str) -> str:
 
 
 def excerpt(text: str) -> str:
-    """Return the first words of a text on one line."""
     line = " ".join(text.split())
     return line if len(line) <= EXCERPT else line[: EXCERPT - 1].rstrip() + "…"

@@ -38,7 +38,6 @@ class LimeSurveyConversion(ImportedQuestion):
         self.question = question
 
     def texts_of(self, question: LimeSurveyRow, column: str = "question") -> Text:
-        """Return a text of a question, subquestion or answer."""
         return self.draft.text(question.text(column), self.note)
 
     def text(self) -> Text:
@@ -65,7 +64,6 @@ class LimeSurveyConversion(ImportedQuestion):
         }
 
     def _parts(self, scale_id: str = "0") -> list[tuple[str, Text]]:
-        """Return code and text of each subquestion."""
         return [
             (part.get("title"), self.texts_of(part) or self.draft.same(part.get("title")))
             for part in self.question.parts
@@ -84,7 +82,6 @@ class LimeSurveyConversion(ImportedQuestion):
         return self.question.get("other") == "Y" and self.kind not in _WORDED
 
     def _other(self) -> dict[str, Text]:
-        """Return the label of the option with a text field, by its code."""
         if not self._has_other:
             return {}
         return {"other": self._attribute_text("other_replace_text") or self.word("other")}
@@ -334,8 +331,6 @@ _TABLES = {
 
 
 class Lss(SurveyFormat):
-    """A survey structure exported from LimeSurvey, group by group."""
-
     label: ClassVar[str] = "LimeSurvey (.lss)"
 
     def __init__(self, document: bytes, _language: str, _form: str) -> None:

@@ -83,9 +83,7 @@ class QualtricsConversion(ImportedQuestion):
         return found
 
     def _codes(self, labels: Mapping[str, Text], *, are_unique: bool = False) -> dict[str, str]:
-        """Return the recode values of choices that have one, else their ids; the ids of all where
-        recode values repeat and must be unique.
-        """
+        """Return recode values or ids of choices; all ids where values repeat and must not."""
         recoded = mapping(self.payload.get("RecodeValues"))
         codes = {one: str(recoded.get(one, one)) for one in labels}
         if not are_unique or len(set(codes.values())) == len(codes):
@@ -100,14 +98,12 @@ class QualtricsConversion(ImportedQuestion):
         return "shuffled" if wanted == "All" else "fixed"
 
     def _note_choices(self) -> None:
-        """Note rules of the choices that are not imported."""
         if any(mapping(choice).get("DisplayLogic") for choice in self._choices.values()):
             self.note.changed(_("Conditions of single options are not imported: all are shown."))
         if self.payload.get("DynamicChoices"):
             self.note.changed(_("Options carried forward from another question are not imported."))
 
     def _rows(self) -> Iterator[tuple[str, Text]]:
-        """Yield key and text of each row of a matrix."""
         tags = mapping(self.payload.get("ChoiceDataExportTags"))
         for one, label in self._labels().items():
             if _is_set(self._choices[one], "TextEntry"):
@@ -350,8 +346,6 @@ MAX_DEPTH = 30  # of the survey flow
 
 
 class Qsf(SurveyFormat):
-    """A survey exported from Qualtrics, element by element."""
-
     label: ClassVar[str] = "Qualtrics (.qsf)"
 
     def __init__(self, document: bytes, _language: str, _form: str) -> None:
@@ -436,7 +430,6 @@ class Qsf(SurveyFormat):
                 yield from self._flow(inner, depth + 1)
 
     def _take(self, block: dict[str, Any]) -> Iterator[str]:
-        """Ask the questions of a block, and yield their ids."""
         options = mapping(block.get("Options"))
         shuffled = str(options.get("RandomizeQuestions", "false")) not in {"false", "", "None"}
         self.into.page(is_shuffled=shuffled)
@@ -508,9 +501,7 @@ def _name(payload: Payload) -> str:
 
 
 def _selected(logic: Mapping[str, Any]) -> Iterator[tuple[str, str] | None]:
-    """Yield question and choice for each part of a logic that joins selected choices by "or"; None
-    for any other part.
-    """
+    """Yield question and choice of each part of an "or" of selected choices; None for others."""
     groups = [group for name, group in logic.items() if name.isdigit()]
     parts = (one for group in groups for one in mapping(group).items())
     for one in (mapping(part) for name, part in parts if name.isdigit()):

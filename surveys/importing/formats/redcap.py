@@ -172,7 +172,6 @@ class RedcapField(ImportedQuestion):
     }
 
     def grid(self, fields: Sequence["RedcapField"], heading: Text) -> Item:
-        """Return the grid of a matrix of radio buttons, of which this is the first field."""
         name, values, reasons = self.scale(self._labels())
         required = [bool(field.common().get("required")) for field in fields]
         if any(required) and not all(required):
@@ -237,8 +236,6 @@ _COMPARISON = re.compile(
 
 
 class Redcap(SurveyFormat):
-    """A data dictionary of REDCap, field by field."""
-
     label: ClassVar[str] = "REDCap (.csv)"
 
     def __init__(self, document: bytes, language: str, form: str) -> None:
@@ -331,9 +328,7 @@ class Redcap(SurveyFormat):
 
 
 def rows_of(document: bytes) -> Iterator[Row]:
-    """Yield the fields of a dictionary with all COLUMNS; raises BadDefinitionError when the file is
-    no CSV or lacks columns.
-    """
+    """Yield rows with all COLUMNS; raises BadDefinitionError for no CSV or lacking columns."""
     try:
         text = document.decode("utf-8-sig")
     except UnicodeDecodeError:

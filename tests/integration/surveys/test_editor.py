@@ -338,3 +338,10 @@ def test_a_step_of_a_study_offers_what_is_complete_by_title_and_version(client, 
     study.refresh_from_db()
     step = study.as_definition().steps[4]
     assert (step.questionnaire, step.version) == ("the-doors", 1)
+
+
+def test_a_list_of_another_page_is_not_changed_by_a_hand_made_button(client, row):
+    before = stored()
+    send(client, at(row, "about"), "add:pages")
+    send(client, at(row, "pages", "page_1"), "add:items")
+    assert stored() == before

@@ -92,10 +92,8 @@ def test_empty_and_taken_keys_are_replaced_and_options_named_by_label():
 
 def test_a_new_point_of_a_scale_has_the_next_value():
     cls = EditorPlace("scales").cls({})
-    assert new_entry(cls, "points", {"points": [{"value": 3}, {"value": -1}]}, whole([])) == [
-        {"value": 4}
-    ]
-    assert new_entry(cls, "nonsense", {}, whole([])) == []
+    points = [{"value": 3}, {"value": -1}]
+    assert new_entry(cls, "points", {"points": points}, whole([])) == {"value": 4}
 
 
 @pytest.mark.parametrize("name", READY)

@@ -533,6 +533,14 @@ def test_parts_are_added_copied_moved_and_removed(client, study):
     assert [one.key for one in stored().conditions] == ["shut", "all_open"]
 
 
+@pytest.mark.parametrize("page", ["about", "rules", "plan"])
+def test_a_list_of_another_page_is_not_changed_by_a_hand_made_button(client, study, page):
+    before = stored()
+    for name in ("steps", "factors", "conditions"):
+        assert send(client, section(study, page), f"add:{name}").status_code == 302
+    assert stored() == before
+
+
 @pytest.mark.parametrize(
     "kind", ["consent", "form", "instructions", "practice", "questionnaire", "debrief"]
 )

@@ -284,3 +284,18 @@ def test_a_word_of_one_class_comes_before_that_of_all():
     label = str(fields.field_of(member).label)
     assert label == "Key on the replay"
     assert str(fields.field_of(parts.members(GUIDE, WizardStage)[0]).label) == "Short name"
+
+
+def test_lists_of_a_form_are_those_of_its_class():
+    design = {"factors": [{"key": "delay"}]}
+    assert StudyPartForm.list_in(design, "factors.0.levels", StudyDesign) == []
+    assert StudyPartForm.list_in(design, "allocation.balance", StudyDesign) == []
+    assert design == {"factors": [{"key": "delay", "levels": []}], "allocation": {"balance": []}}
+    for name in ("steps", "factors.1.levels", "factors.levels", "factors.0.key", "allocation", ""):
+        assert StudyPartForm.list_in(design, name, StudyDesign) is None, name
+
+
+def test_lists_that_have_pages_of_their_own_are_in_no_other_form():
+    study = {"steps": [], "wizard": {"stages": []}}
+    for name in ("steps", "factors", "wizard.stages"):
+        assert StudyPartForm.list_in(study, name, StudyDefinition, ["wizard"]) is None, name
