@@ -144,21 +144,11 @@ def _of_family(family: Family, minutes: Floats) -> dict[str, Any]:
 def _coefficients(
     family: Family, values: Floats, weights: Floats, design: Design, groups: Any
 ) -> tuple[Coefficient, ...]:
-    people, names, columns = int(groups.max()) + 1, design.names, design.columns
+    names, columns = design.names, design.columns
     with _separation():
-        if family == "times":  # of how many times longer they are; without an intercept
-            from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
-
-            names, columns = names[1:], columns[:, 1:]
-            model = PHReg(values, columns, status=weights)
-            estimates = np.asarray(model.fit(disp=0).params)
-            inverse = np.linalg.inv(model.hessian(estimates))
-            if not -inverse.diagonal().min() <= LARGEST**2:  # several may share what is unbounded
-                raise CannotFitError(SEPARATED)
-            # statsmodels has no covariance by groups where a drive was never at risk
-            summed = _by_participant(_residuals(model, estimates), groups, people)
-            covariance = inverse @ summed.T @ summed @ inverse * people / (people - 1.0)
-            estimates = -estimates
+        if family == "times":
+            names = names[1:]  # Cox's regression has no intercept
+            estimates, covariance = _cox(values, weights, columns[:, 1:], groups)
         else:
             import statsmodels.api as sm  # noqa: PLC0415 - not on robots
 
@@ -171,8 +161,25 @@ def _coefficients(
     if not (np.abs(estimates).max() <= LARGEST and errors.max() <= LARGEST):  # also of NaN
         raise CannotFitError(SEPARATED)
     each = zip(names, estimates.tolist(), errors.tolist(), strict=True)
-    df = float(people - len(design.names))
+    df = float(groups.max() + 1 - len(design.names))
     return tuple(coefficient(name, value, error, df) for name, value, error in each)
+
+
+def _cox(times: Floats, came: Floats, columns: Floats, groups: Any) -> tuple[Floats, Floats]:
+    """Return estimates (k,) of the logarithm of how much longer times are, and their covariance
+    (k, k), robust by participant: statsmodels has none where a drive was never at risk.
+    """
+    from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
+
+    people = int(groups.max()) + 1
+    model = PHReg(times, columns, status=came)
+    estimates = np.asarray(model.fit(disp=0).params)
+    inverse = np.linalg.inv(model.hessian(estimates))
+    if not -inverse.diagonal().min() <= LARGEST**2:  # several may share an infinite estimate
+        raise CannotFitError(SEPARATED)
+    summed = _by_participant(_residuals(model, estimates), groups, people)
+    covariance = inverse @ summed.T @ summed @ inverse * people / (people - 1.0)
+    return -estimates, covariance
 
 
 # --- score tests ----------------------------------------------------------------------------------
@@ -219,7 +226,7 @@ def _scores_of_times(times: Floats, came: Floats, columns: Floats, own: Sequence
 
 
 def _residuals(model: Any, estimates: Floats) -> Floats:
-    """Return the score residuals of drives, (n, k); one that ended before anybody's time came was
+    """Return the score residuals of drives, (n, k); one that ended before the first time came was
     never at risk, and has 0 where statsmodels has NaN.
     """
     return np.asarray(np.nan_to_num(model.score_residuals(estimates)))
