@@ -45,7 +45,7 @@ BROKER_PATIENCE_SECONDS = 1.0
 View = Callable[[HttpRequest, ApiKey | None], JsonResponse]
 
 
-def _key_orproblem(request: HttpRequest) -> ApiKey | JsonResponse | None:
+def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
     """Return the key that comes along, None when none does, or what is wrong with it."""
     header = request.headers.get("Authorization", "")
     if not header:
@@ -70,7 +70,7 @@ def _reader(request: HttpRequest) -> ApiKey | JsonResponse | None:
     address, now = address_of(request), time.time()
     if not READ.count(address, now):
         return too_many(READ, address, now)
-    return _key_orproblem(request)
+    return _key_or_problem(request)
 
 
 @never_cache
@@ -208,7 +208,7 @@ def _counted(
 
 def _acting_key(request: HttpRequest, robot: str) -> ApiKey | JsonResponse:
     """Count an action of the key that comes along. Asks database and cache, so not on the loop."""
-    key = _key_orproblem(request)
+    key = _key_or_problem(request)
     if isinstance(key, JsonResponse):
         return key
     if key is None or key.robot.name != robot:

@@ -85,9 +85,12 @@ def fit_family(
     *,
     with_coefficients: bool = True,
 ) -> FittedModel:
-    """Fit a model to drives; may raise CannotFitError. Where the effects separate the outcomes
-    completely (in a level, all drives succeeded), there are tests but no coefficients. Simulations
-    need tests only, and leave out the coefficients.
+    """Fit a model to the drives of participants. Where the effects separate the outcomes completely
+    (in a level, all drives succeeded), there are tests but no coefficients. Simulations need tests
+    only, and leave out the coefficients.
+
+    Raises:
+        CannotFitError: there are too few data, no variance, or columns that depend on each other.
     """
     groups, people = grouped([one.who for one in outcomes])
     values, weights = _arrays(outcomes)
@@ -115,8 +118,8 @@ def fit_family(
 
 @contextmanager
 def _separation() -> Iterator[None]:
-    """Raise CannotFitError for errors of a fit: where all drives of a level have the same outcome,
-    estimates run to infinity.
+    """Replace warnings and errors of a fit by the reason: where all drives of a level have the same
+    outcome, estimates run to infinity.
     """
     try:
         with np.errstate(all="ignore"), warnings.catch_warnings():
@@ -141,21 +144,11 @@ def _of_family(family: Family, minutes: Floats) -> dict[str, Any]:
 def _coefficients(
     family: Family, values: Floats, weights: Floats, design: Design, groups: Any
 ) -> tuple[Coefficient, ...]:
-    people, names, columns = int(groups.max()) + 1, design.names, design.columns
+    names, columns = design.names, design.columns
     with _separation():
-        if family == "times":  # of how many times longer they are; without an intercept
-            from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
-
-            names, columns = names[1:], columns[:, 1:]
-            model = PHReg(values, columns, status=weights)
-            estimates = np.asarray(model.fit(disp=0).params)
-            inverse = np.linalg.inv(model.hessian(estimates))
-            if not -inverse.diagonal().min() <= LARGEST**2:  # an unbounded one may be shared
-                raise CannotFitError(SEPARATED)
-            # statsmodels has no covariance by groups where a drive was never at risk
-            summed = _by_participant(_residuals(model, estimates), groups, people)
-            covariance = inverse @ summed.T @ summed @ inverse * people / (people - 1.0)
-            estimates = -estimates
+        if family == "times":
+            names = names[1:]  # Cox's regression has no intercept
+            estimates, covariance = _cox(values, weights, columns[:, 1:], groups)
         else:
             import statsmodels.api as sm  # noqa: PLC0415 - not on robots
 
@@ -168,8 +161,25 @@ def _coefficients(
     if not (np.abs(estimates).max() <= LARGEST and errors.max() <= LARGEST):  # also of NaN
         raise CannotFitError(SEPARATED)
     each = zip(names, estimates.tolist(), errors.tolist(), strict=True)
-    df = float(people - len(design.names))
+    df = float(groups.max() + 1 - len(design.names))
     return tuple(coefficient(name, value, error, df) for name, value, error in each)
+
+
+def _cox(times: Floats, came: Floats, columns: Floats, groups: Any) -> tuple[Floats, Floats]:
+    """Return estimates (k,) of the logarithm of how much longer times are, and their covariance
+    (k, k), robust by participant: statsmodels has none where a drive was never at risk.
+    """
+    from statsmodels.duration.hazard_regression import PHReg  # noqa: PLC0415 - not on robots
+
+    people = int(groups.max()) + 1
+    model = PHReg(times, columns, status=came)
+    estimates = np.asarray(model.fit(disp=0).params)
+    inverse = np.linalg.inv(model.hessian(estimates))
+    if not -inverse.diagonal().min() <= LARGEST**2:  # several may share an infinite estimate
+        raise CannotFitError(SEPARATED)
+    summed = _by_participant(_residuals(model, estimates), groups, people)
+    covariance = inverse @ summed.T @ summed @ inverse * people / (people - 1.0)
+    return -estimates, covariance
 
 
 # --- score tests ----------------------------------------------------------------------------------
@@ -216,7 +226,9 @@ def _scores_of_times(times: Floats, came: Floats, columns: Floats, own: Sequence
 
 
 def _residuals(model: Any, estimates: Floats) -> Floats:
-    """Return score residuals, (n, k); 0, not NaN, of drives that ended before any time came."""
+    """Return the score residuals of drives, (n, k); one that ended before the first time came was
+    never at risk, and has 0 where statsmodels has NaN.
+    """
     return np.asarray(np.nan_to_num(model.score_residuals(estimates)))
 
 
@@ -228,7 +240,10 @@ def _by_participant(scores: Floats, groups: Any, people: int) -> Floats:
 
 def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[float, float]]:
     """Return F that the mean of the participants' summed scores is 0, and its degrees of freedom;
-    NaN of scores that are NaN. Raises CannotFitError if they do not vary.
+    NaN of scores that are NaN.
+
+    Raises:
+        CannotFitError: they do not vary.
     """
     if np.isnan(scores).any():
         return math.nan, (math.nan, math.nan)
@@ -250,8 +265,10 @@ def _hotelling(scores: Floats, groups: Any, people: int) -> tuple[float, tuple[f
 def compare_drives(family: Family, sides: Sides, *, with_ratio: bool = True) -> Test:
     """Return the test of a difference between sides of drives: of proportions, with one drive of a
     participant on each side, by conditions.compare; of times of different participants by the
-    log-rank test; otherwise by the score test of a model of the sides. Sides with fewer than two
-    participants are left out. The ratio takes most of the time; simulations leave it out.
+    log-rank test; otherwise by the score test of a model of the sides.
+
+    A side with drives of fewer than two participants is left out, which the remark says. The ratio
+    of two sides takes most of the time; simulations leave it out.
     """
     codes = {key: {one.who for one in side} for key, side in sides.items()}
     kept = {key: side for key, side in sides.items() if len(codes[key]) >= 2}
@@ -272,6 +289,7 @@ def compare_drives(family: Family, sides: Sides, *, with_ratio: bool = True) -> 
 
 
 def _score_test(family: Family, sides: Sides, *, with_ratio: bool) -> Test:
+    """Return the score test of a model of sides, with the ratio of two if it has an estimate."""
     outcomes = [one for side in sides.values() for one in side]
     name, n = SCORE[family], len({one.who for one in outcomes})
     if family == "times" and not any(one.weight for one in outcomes):
@@ -310,8 +328,8 @@ def _log_rank(sides: Sides, *, with_ratio: bool) -> Test:
 
 
 def median_time(side: Sequence[DriveOutcome]) -> float | None:
-    """Return the median of times by Kaplan and Meier (1958), None if most drives lack one. Where
-    exactly half are left for a while, it is the middle of that time, as in R.
+    """Return the median of times by Kaplan and Meier (1958); None if it came in less than half of
+    the drives. Where exactly half are left for a while, it is the middle of that time, as in R.
     """
     from statsmodels.duration.survfunc import SurvfuncRight  # noqa: PLC0415 - not on robots
 

@@ -1,7 +1,7 @@
-/** What the light pages share: an element that the page has, and a request every few seconds. */
+/** What light pages share: the look-up of an element, and a request every few seconds. */
 
 /**
- * The first element that matches; its kind is known to the template.
+ * The first element that matches. The template determines its kind.
  * @param {string} selector
  * @param {ParentNode} [root]
  * @returns {any}
@@ -9,7 +9,8 @@
 export const find = (selector, root = document) => root.querySelector(selector);
 
 /**
- * Call `refresh` now and `period` ms after each call has ended, while the page is visible.
+ * While the page is visible, call `refresh` `period` ms from now and after the end of each call,
+ * and at once when the page becomes visible.
  * @param {() => Promise<unknown>} refresh
  * @param {number} period ms
  */
