@@ -135,7 +135,7 @@ const modifierRow = (event, modifier, words, page) => {
 const commentRow = (event, words, page) => {
   const label = make("label", "coding__field", words.say("coding.comment"));
   const input = make("input", "");
-  Object.assign(input, { type: "text", maxLength: 500, value: event.comment });
+  Object.assign(input, { type: "text", maxLength: 500, defaultValue: event.comment });
   input.addEventListener("change", () =>
     page.change([edited(event, { comment: input.value.trim() }, page.newId)]),
   );
