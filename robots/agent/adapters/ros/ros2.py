@@ -29,6 +29,9 @@ HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9
 CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.2 s after it at most
 # A velocity that is due waits for the next odometry anyway: at 30 Hz, one per odometry.
 GATE = GateParams(repeat=0.03, at_latest=0.012)
+# Where Fast DDS 3 and 2 look for their profiles
+PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+SET_UP_BY_USER = ("FASTDDS_BUILTIN_TRANSPORTS", *PROFILES)
 PREFIX = b"telepres"  # the first bytes of the ids of our goals, as in ros2_node.py
 NAVIGATE_TO_POSE = "nav2_msgs/NavigateToPose"
 # action_msgs/GoalStatus
@@ -73,8 +76,10 @@ def python_of(options: Ros2Options) -> str:
 
 def is_on_robot(options: Ros2Options) -> bool:
     """Return whether the robot's nodes run on this computer."""
-    if options.on_robot is not None:
-        return options.on_robot
+    return is_limited_to_this_computer() if options.on_robot is None else options.on_robot
+
+
+def is_limited_to_this_computer() -> bool:
     return (
         os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
         or os.environ.get("ROS_LOCALHOST_ONLY") == "1"
@@ -101,6 +106,26 @@ def domain_of(options: Ros2Options) -> int:
     return domain
 
 
+def _over_udp(environment: dict[str, str]) -> dict[str, str]:
+    """Return the environment in which Fast DDS uses UDP only. What a frozen base has not read waits
+    in its socket, with a zero behind each velocity. In shared memory the zeros can be lost when
+    their sender ends, and a process that was killed can leave a lock at which the next one hangs.
+
+    Where discovery is limited to this computer, rmw_fastrtps adds shared memory (participant.cpp),
+    so a profile limits it instead.
+    """
+    other = not environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps").startswith("rmw_fastrtps")
+    if other or any(environment.get(name) for name in SET_UP_BY_USER):
+        return environment
+    is_local = is_limited_to_this_computer() and not environment.get("ROS_STATIC_PEERS")
+    profile = str(Path(__file__).with_name(f"fastdds_{'loopback' if is_local else 'udp'}.xml"))
+    environment |= dict.fromkeys(PROFILES, profile)
+    if is_local:
+        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+        environment.pop("ROS_LOCALHOST_ONLY", None)
+    return environment
+
+
 class Ros2Bus(NodeBus):
     """See bus.ActionBus. The node cancels what an earlier one has left before it is ready."""
 
@@ -112,10 +137,7 @@ class Ros2Bus(NodeBus):
 
     def __init__(self, options: Ros2Options) -> None:
         domain = domain_of(options)
-        # What a frozen base has not read waits in its socket, and a zero is behind each velocity.
-        # In shared memory the zeros are lost when their sender ends.
-        transport = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-        environment = {**transport, **os.environ, "ROS_DOMAIN_ID": str(domain)}
+        environment = _over_udp(os.environ | {"ROS_DOMAIN_ID": str(domain)})
         guards = is_on_robot(options) and outlives_agent()
         super().__init__(
             f"ROS 2 in domain {domain}", python_of(options), environment, guards=guards
