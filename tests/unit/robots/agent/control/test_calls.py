@@ -3,7 +3,7 @@
 from robots.agent.control.calls import (
     KNOCK_PAUSE,
     KNOCK_RINGS,
-    KNOCK_TOLD,
+    KNOCK_REPORTED,
     NOTHING,
     RINGS,
     CallControl,
@@ -125,7 +125,7 @@ def test_a_knock_rings_until_somebody_answers_or_nobody_does():
     assert knocking(calls, KNOCK_RINGS + 1) == ("k1", "unanswered")
     assert calls.answer_knock("k1", accept=True, lease=lease(), now=KNOCK_RINGS + 2) is None
     assert knocking(calls, KNOCK_RINGS + 3) == ("k1", "answered")
-    assert knocking(calls, KNOCK_TOLD + 1) is None
+    assert knocking(calls, KNOCK_REPORTED + 1) is None
 
 
 def test_a_knock_sends_nothing_but_whoever_answers_it_lets_the_visitor_through():
@@ -176,7 +176,7 @@ def test_only_the_knock_that_rings_is_answered():
     calls = CallControl()
     knock(calls)
     answers = [("k2", lease(), 1.0), ("k1", lease("s2"), 1.0), ("k1", None, 1.0)]
-    answers.append(("k1", lease(), KNOCK_TOLD + 1))
+    answers.append(("k1", lease(), KNOCK_REPORTED + 1))
     for name, of, now in answers:
         assert calls.answer_knock(name, accept=True, lease=of, now=now) == "nobody_knocks"
     assert knocking(calls, 1.0) == ("k1", "ringing")

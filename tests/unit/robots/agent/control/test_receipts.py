@@ -8,7 +8,7 @@ from robots.agent.control.receipts import KEPT, Receipts
 @pytest.fixture
 def receipts():
     made = Receipts()
-    made.said("a1", "s1")
+    made.sent("a1", "s1")
     return made
 
 
@@ -35,6 +35,6 @@ def test_words_that_nobody_said_or_of_another_session_are_not_confirmed(receipts
 
 def test_only_the_newest_words_are_remembered(receipts):
     for number in range(KEPT):
-        receipts.said(f"b{number}", "s1")
+        receipts.sent(f"b{number}", "s1")
     assert receipts.confirm("a1", "shown", "s1") == ("unknown_words", False)
     assert receipts.confirm("b0", "shown", "s1") == ("", True)
