@@ -94,7 +94,7 @@ CHANGES = (
 )
 
 
-def test_what_somebody_would_act_on_is_said_at_once_and_a_small_change_is_not(idle):
+def test_important_change_is_reported_at_once_and_a_small_one_is_not(idle):
     small = still(
         pose=m.Pose(x=1.1, y=2.0, theta=0.6),
         battery=m.Battery(charge=0.795, voltage=25.1, charging=False),

@@ -12,12 +12,12 @@ def receipts():
     return made
 
 
-def test_nothing_is_known_of_words_before_a_display_says_so(receipts):
+def test_words_have_no_receipt_before_a_display_confirms_them(receipts):
     assert receipts.of("a1") is None
     assert receipts.of("never said") is None
 
 
-def test_what_is_known_only_grows(receipts):
+def test_better_receipt_replaces_a_worse_one_and_never_the_reverse(receipts):
     said = [
         receipts.confirm("a1", state, "s1")
         for state in ("shown", "shown", "not_spoken", "spoken", "not_spoken", "shown")

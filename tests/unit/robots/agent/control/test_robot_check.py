@@ -102,7 +102,7 @@ def test_a_base_keeps_its_watchdog_up_to_what_can_be_measured(measured, is_well)
     assert verdict(measured, 0.5, CheckParams())[0] is is_well
 
 
-def test_what_is_missing_is_named():
+def test_missing_data_is_named():
     state = still(battery=UNKNOWN_BATTERY, estop=True, errors=("laser disconnected",))
     lines = reported([state] * 30, ("velocity", "scan"), 3.0)
     assert (True, "Battery: unknown.") in lines
