@@ -78,7 +78,7 @@ class Media(Protocol):
 
     @property
     def audible(self) -> bool:
-        """Whether a knock can be heard: a display is connected, or there is a loudspeaker."""
+        """Whether a knock rings: a display is connected, or there is a loudspeaker."""
 
     def ring(self) -> None:
         """Ring with the robot's loudspeaker unless a connected display rings."""

@@ -21,10 +21,10 @@ class ClockParams:
     known_after: int = 3  # samples
     longest_round_trip: float = 10.0  # s: an echo that took longer tells nothing
     stamp_noise: float = 0.001  # s by which rounded stamps may contradict each other
-    peers_kept: int = 128  # that were heard last, besides those that are always kept
+    peers_kept: int = 128  # the most recent, besides those that are always kept
     beats_kept: int = 64  # of ours, whose echoes may still come
     echoes_sent: int = 16  # in one heartbeat: as many as the message has room for
-    echo_within: float = 5.0  # s since a peer was heard
+    echo_within: float = 5.0  # s since the last beat of a peer
 
 
 CLOCK = ClockParams()
@@ -94,7 +94,7 @@ class PeerClocks:
     """
 
     def __init__(self) -> None:
-        self._peers: OrderedDict[str, _Peer] = OrderedDict()  # the one heard last is at the end
+        self._peers: OrderedDict[str, _Peer] = OrderedDict()  # the most recent is the last
         self._first: frozenset[str] = frozenset({SERVER_PEER})
         self._sent: OrderedDict[int, float] = OrderedDict()
         self._n = 0

@@ -9,7 +9,7 @@ from enum import Enum
 
 
 class Controller(Enum):
-    NONE = "none"  # the robot was measured at rest; nothing is sent
+    NONE = "none"  # the robot was measured at rest; no velocities are sent
     DRIVER = "driver"  # the driver's velocities, and the zeros after them until rest
     SETTLING = "settling"  # zeros until rest; driver and navigation wait for it
     NAVIGATION = "navigation"  # navigation's velocities, which pass through the kernel

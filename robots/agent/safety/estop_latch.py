@@ -44,5 +44,5 @@ def refusal(latch: EStopLatch | None, action: ClearEStop, *, button_pressed: boo
     if latch is not None and latch.source == BUTTON and action.role != "owner":
         return "owner_only"
     if action.role == SCREEN and (latch is None or latch.source != SCREEN):
-        return "not_yours"  # people at the robot let go of what people at the robot have pressed
+        return "not_yours"  # the screen clears only what the screen has pressed
     return None

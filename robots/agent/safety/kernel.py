@@ -23,7 +23,7 @@ The rules, in the order in which they apply:
   allows (permissions.py), it is newer than every other of its epoch, and young enough
   (freshness.py).
 - A stop by someone other than the driver holds the robot until the driver releases the controls
-  (hold.py). So do a cleared e-stop, a contact without a direction, and a robot that has come back.
+  (hold.py). So do a cleared e-stop, a contact without a direction, and a reconnected robot.
   Without a lease, a person's stop holds until a new driver or a person releases it.
 - Without an accepted velocity for `Limits.deadman` the robot brakes. Navigation ends 2 s after the
   last heartbeat of the driver, or of the server when the server ordered it.

@@ -29,7 +29,7 @@ video alone can choose `off`.
 
 A charging station is an obstacle that a robot is meant to touch. Where the caller knows the robot's
 pose in its dock, and the robot is close in front of it and turned towards it, points beyond the
-docked robot's nose may be touched, at a creep, and nothing is steered.
+docked robot's nose may be touched, at a creep, without steering.
 """
 
 import math

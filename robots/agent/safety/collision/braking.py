@@ -29,7 +29,7 @@ class BrakeParams:
     # of the velocity, tried in this order
     shares: tuple[float, ...] = (1.0, 0.8, 0.6, 0.45, 0.3, 0.2, 0.1)
     crawl: float = 0.02  # m/s and rad/s below which the robot may as well stand
-    closer: float = 0.005  # m that what is nearer than the margin may come nearer still
+    closer: float = 0.005  # m by which a point within the margin may come nearer
     touch: float = 0.015  # m, but not nearer than this
     body: float = 0.1  # m by which people are nearer than their legs, which a laser sees
 

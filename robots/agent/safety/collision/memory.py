@@ -28,7 +28,7 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.sensing import Floats, LaserScan, points_from_frame, points_in_frame
 
 Bools = npt.NDArray[np.bool_]
-SEEN_AFTER, DOUBTS = 2, 3  # columns of what is kept of a point
+SEEN_AFTER, DOUBTS = 2, 3  # columns of a stored point
 SAME_BEARING = 1e-4  # rad: what a robot that stands measures again
 SEES = 0.05  # a sweep with a smaller share of echoes than this is that of a laser that does not see
 
@@ -45,14 +45,14 @@ class MemorySettings:
     margin: float = 0.1  # m by which a beam must pass a point to see through it
     blind: float = 0.3  # m from the laser, where no echo tells nothing
     doubts: int = 2  # sweeps that must see through a point
-    jump: float = 1.0  # m of odometry between two sweeps: it began anew
+    jump: float = 1.0  # m of odometry between two scans: it restarted
     inexact: float = 0.02  # m that a point may be off, at most
     inexact_way: float = 0.3  # m of that way after which it may
-    edge: float = 0.15  # m by which what is beside an edge is farther
-    edge_near: float = 1.5  # m from the laser, within which edges are looked at
+    edge: float = 0.15  # m by which an edge is nearer than its neighbour
+    edge_near: float = 1.5  # m from the laser, within which edges count
     behind: tuple[float, ...] = (0.04, 0.08)  # m for which an edge is taken to go on
-    apart: float = 0.02  # m of that way between two sweeps that are looked at for edges
-    sees: float = SEES  # share of beams that has to come back
+    apart: float = 0.02  # m driven between two scans that are searched for edges
+    sees: float = SEES  # share of beams with an echo that a valid scan needs
 
 
 class RollingObstacleMap:

@@ -1,6 +1,4 @@
-"""A robot whose navigation runs in the agent, or whose RCA assists by itself: the kernel rules
-them, and pages hear of them.
-"""
+"""A robot whose navigation runs in the agent, or whose RCA assists."""
 
 from dataclasses import replace
 

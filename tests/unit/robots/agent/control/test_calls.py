@@ -2,8 +2,8 @@
 
 from robots.agent.control.calls import (
     KNOCK_PAUSE,
-    KNOCK_RINGS,
     KNOCK_REPORTED,
+    KNOCK_RINGS,
     NOTHING,
     RINGS,
     CallControl,

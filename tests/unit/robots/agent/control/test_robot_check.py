@@ -1,6 +1,4 @@
-"""A robot tried with its wheels off the ground: what its readings say, and when its base stops
-without its agent. Its navigation is tried in test_navigation_check.py.
-"""
+"""A robot tested with its wheels off the ground: its readings and its base's watchdog."""
 
 import asyncio
 import dataclasses
@@ -28,9 +26,7 @@ NEVER = 1e9
 
 
 class Base(ScriptedRobot):
-    """A robot whose odometry says what its base does: the last velocity until its watchdog strikes,
-    after `watchdog` seconds.
-    """
+    """A robot whose base keeps the last velocity for `watchdog` seconds."""
 
     def __init__(self, time, watchdog, stuck=False):
         super().__init__(

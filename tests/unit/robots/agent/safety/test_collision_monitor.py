@@ -113,9 +113,7 @@ def test_a_dock_is_seen_from_a_robot_that_knows_where_it_is_and_from_no_other():
 
 
 class Scripted:
-    """A shaper that answers what the test says, as assist.Assisted has it, and remembers what it
-    was asked.
-    """
+    """A shaper that returns what the test says, and records its calls."""
 
     def __init__(self, turn=0.0, share=1.0):
         self.turn, self.share, self.asked = turn, share, []

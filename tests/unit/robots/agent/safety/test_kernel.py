@@ -1,6 +1,4 @@
-"""The kernel's rules, one sentence each; test_safety_properties.py throws everything at them at
-once.
-"""
+"""The kernel's rules, one by one; test_safety_properties.py combines them."""
 
 import msgspec
 import pytest

@@ -1,6 +1,4 @@
-"""What each kind of sensor tells the collision monitor, what its loss means, and how fast a robot
-moves where no sensor observes.
-"""
+"""The sensors of the collision monitor, their loss, and speeds where none observes."""
 
 import math
 from dataclasses import replace
