@@ -1,6 +1,4 @@
-"""From a key to a robot that moves, without page and network: somebody at the keys, the page's ramp
-and steps, a simulated Giraff.
-"""
+"""From a key to a moving robot: a person, the page's ramp and steps, a simulated Giraff."""
 
 import math
 import random
@@ -86,9 +84,7 @@ class Person:
         self.cue, self.step, self.dock = "", "Normal", DockState()
 
     def drive(self, passed: int, within: float) -> float | None:
-        """Pass the checkpoints after `passed` and dock; return the seconds, None when it took
-        longer than `within`.
-        """
+        """Pass the checkpoints after `passed` and dock; return the seconds, or None."""
         keyboard, seen, next_look = (
             Keyboard(),
             deque[Pose2D](maxlen=max(1, round(self.late / DT))),

@@ -289,7 +289,7 @@ class PresentRobotPage(FakeRobotPage):
                     receipts=not here,
                 )
                 if not here:
-                    self.receipts.said(message.action_id, lease.session)
+                    self.receipts.sent(message.action_id, lease.session)
                 self._tell("words", words)
             case m.ConfirmWords() if lease:
                 if self.receipts.confirm(message.target, message.state, lease.session)[1]:

@@ -1,6 +1,4 @@
-"""The assistance on a simulated robot: a laser with noise and lost beams, wheels that slip,
-odometry that drifts.
-"""
+"""Assistance on a simulated robot with noisy laser, lost beams, slip and odometry drift."""
 
 import numpy as np
 import pytest
