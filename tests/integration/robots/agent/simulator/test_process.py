@@ -15,8 +15,8 @@ import pytest
 from robots.agent import framing
 from robots.agent.adapters.simulator.media import MediaSocket
 from robots.agent.simulator import wire
-from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.realtime import LONGEST_LAG
+from robots.agent.simulator.wire import Faults
 from robots.world.robot_models import GIRAFF
 from tests.support.agents.simulators import (
     ROOT,

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from robots.agent.simulator.faults import Faults
 from robots.agent.simulator.physics.contact import distance_to
 from robots.agent.simulator.physics.drive import STILL, WheelMotion
 from robots.agent.simulator.physics.people import BODY
 from robots.agent.simulator.physics.simulation import BUMP_TIME, Simulation, StartError, TrueState
+from robots.agent.simulator.wire import Faults
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.robot_models import GIRAFF, MODELS, RHODON, OdometryModel
 from robots.world.sites import load_plan
