@@ -130,7 +130,7 @@ async def test_a_viewer_on_a_narrow_network_gets_smaller_pictures_and_nobody_els
     seen = media.statistics()["wide"]["pictures"]
     await until(lambda: media.statistics()["wide"]["pictures"] > seen + 5)
     assert wide.images[-1].shape[0] == 480
-    assert media.statistics()["narrow"]["rung"] > media.statistics()["wide"]["rung"]
+    assert media.statistics()["narrow"]["layer"] > media.statistics()["wide"]["layer"]
 
 
 async def test_a_lost_picture_brings_a_key_frame_but_a_storm_of_requests_does_not_bring_many(
@@ -501,7 +501,7 @@ async def test_a_page_that_goes_quiet_frees_its_place_and_one_that_speaks_keeps_
     await speaking.connect()
     for page in (quiet, speaking):
         page.fall_silent()
-        media._pages._viewers[page.peer]._pictures.heard(None)
+        media._pages._viewers[page.peer]._pictures.on_report(None)
     monkeypatch.setattr(signalling, "SILENCE", 1.5)
     await until(
         lambda: speaking.channel.send("command/heartbeat\n{}") or exchange.byes("quiet"),

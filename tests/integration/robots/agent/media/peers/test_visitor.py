@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from robots.agent.media import MediaSide
-from robots.agent.media.peers.visitor import Continuous
+from robots.agent.media.rtp import JoinedTicks
 from robots.agent.simulator.outputs import MeasuringDisplay, MeasuringSpeaker
 from tests.support.browsers.visitor_tracks import SpeakingPage
 from tests.support.media.loopback_peer import Exchange, LoopbackPage, until
@@ -145,7 +145,7 @@ async def test_the_volume_that_the_visitor_wants_is_that_of_the_loudspeaker(robo
 
 
 def test_the_ticks_of_several_sources_are_one_growing_count() -> None:
-    clock = Continuous(960)
+    clock = JoinedTicks(960)
     counted = [
         clock.tick("a", 0),
         clock.tick("a", 960),

@@ -68,7 +68,7 @@ async def test_found_relays_are_kept_for_a_while():
         assert [server.urls for server in await relays.usable((TURN,))] == [
             ["turn:a?transport=tcp"]
         ]
-        await asyncio.gather(*relays._tries.values())
+        await asyncio.gather(*relays._probes.values())
         assert len(world.asked) == asked, f"after {moment} s"
 
 
@@ -144,7 +144,7 @@ async def test_doubted_relays_are_probed_again():
         "stun:near.example.org",
         "turn:a?transport=udp",
     ]
-    await asyncio.gather(*relays._tries.values())
+    await asyncio.gather(*relays._probes.values())
     world.delays |= {"udp": None, "near": None, "tcp": 0.0}
     relays.doubt()
     assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == [
