@@ -33,7 +33,7 @@ class FromSimulator(SimulatorMessage, frozen=True):
 
 
 class Faults(msgspec.Struct, frozen=True, kw_only=True):
-    """What is broken, to test how the system reacts. `wheels_stopped`: the motors do not turn;
+    """Injected faults, to test how the system reacts. `wheels_stopped`: the motors do not turn;
     `laser`: it sends nothing, or only NaN.
     """
 

@@ -112,7 +112,7 @@ class SceneCamera:
         return gather((*self.scene.items, *leaves))
 
     def _things_before(self, things: Things, glass: Glass) -> Things:
-        """Return what is not wholly behind a mirror."""
+        """Return the things that are not wholly behind a mirror."""
         return before(things, glass.line[:2], glass.normal)
 
     def _reflect(

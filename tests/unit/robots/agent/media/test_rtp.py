@@ -48,7 +48,7 @@ def test_a_page_computes_the_stamp_across_the_wrap_of_32_bits() -> None:
     assert capture_stamp(clock, 2**32 - 90_000) == NOW - 0.5
 
 
-def test_the_clock_is_told_once_a_second_and_when_it_does_not_fit_any_more() -> None:
+def test_media_clock_is_sent_every_second_and_when_it_no_longer_fits() -> None:
     sender = MediaClockSender()
     assert sender.before(0, NOW, 0.0) == MediaClock(rtp=0, stamp=NOW)
     assert sender.before(45_000, NOW + 0.5, 0.5) is None
@@ -94,7 +94,7 @@ def test_header_extensions_are_read_back(
     assert raw[16 + 4 * words :] == b"data"
 
 
-def test_only_what_was_agreed_stands_in_the_header() -> None:
+def test_header_has_only_the_agreed_extensions() -> None:
     assert extension_block(ExtensionIds(), "0") == b""
     stream = RtpStream(ssrc=5, payload_type=97, sequence=9)
     assert RtpPacket.parse(stream.packets((b"x",), 1, NOW)[0]).payload == b"x"

@@ -35,7 +35,7 @@ def test_a_hundred_acknowledgements_in_a_moment_are_answered_once(transport):
     assert [is_sent(transport) for _ in range(100)] == [True] + [False] * 99
 
 
-def test_it_is_said_again_until_it_is_acknowledged(transport):
+def test_forward_tsn_is_repeated_until_acknowledged(transport):
     assert is_sent(transport)
     transport.clock.now += FORWARD_TSN_PERIOD
     assert is_sent(transport)
