@@ -20,7 +20,7 @@ from robots.agent.autonomy.area import update_of
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Adapter, AdapterError, Navigating
 from robots.agent.simulator import wire as simulated
-from robots.agent.simulator.faults import Faults
+from robots.agent.simulator.wire import Faults
 from robots.api.geometry import Pose2D
 from robots.api.messages import Cancel, Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Tilt
 from robots.world.sites import load_site
