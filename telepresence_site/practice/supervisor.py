@@ -90,7 +90,7 @@ class Supervisor:
         """Name every robot that ended by itself, and forget its process."""
         for name, child in list(self._running.items()):
             if child.process.poll() is not None:
-                reason = child.cause_of_death()
+                reason = child.why_ended()
                 log.warning("practice_robot_died", robot=name, reason=reason, log=child.log)
                 self._tell(
                     f"The practice robot {name} ended: {reason} (its log: {child.log}). It is"

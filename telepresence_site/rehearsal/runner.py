@@ -73,7 +73,7 @@ class RehearsalRunner:
         return time.monotonic() - self._ended_at > END_SECONDS
 
     def _end(self, row: Rehearsal, child: Child) -> None:
-        if runs.fail(row.pk, f"Its process ended: {child.cause_of_death()}."):
+        if runs.fail(row.pk, f"Its process ended: {child.why_ended()}."):
             log.warning("rehearsal_died", rehearsal=str(row.pk), log=str(child.log))
         self._children.end(child)
         self._row = self._child = None

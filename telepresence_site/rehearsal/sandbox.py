@@ -156,7 +156,7 @@ def running(definition: StudyDefinition, sites: Path) -> Iterator[str]:
         gone = children.ended()
         if gone is not None:  # what bots met after that says nothing of the study
             raise StartFailed(
-                f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_words()}"
+                f"The {gone.name} ended meanwhile ({gone.process.returncode}): {gone.last_line()}"
                 f" (its log: {gone.log})"
             )
     finally:

@@ -8,7 +8,7 @@ from django.conf import settings
 from django.core.management.base import BaseCommand
 
 from robots.processes import END_SIGNALS
-from telepresence_site.children import TELLS
+from telepresence_site.children import NOTICE_PREFIX
 from telepresence_site.practice.robots import prepare
 from telepresence_site.practice.supervisor import READY, Supervisor
 from telepresence_site.rehearsal.runner import RehearsalRunner
@@ -38,5 +38,5 @@ class Command(BaseCommand):
         supervisor.run(stopping, RehearsalRunner(supervisor.children).look)
 
     def _tell(self, sentence: str) -> None:
-        self.stdout.write(f"{TELLS}{sentence}")
+        self.stdout.write(f"{NOTICE_PREFIX}{sentence}")
         self.stdout.flush()
