@@ -73,7 +73,6 @@ class PersonAdmin(ShownFilters, UserAdmin):
         return super().has_change_permission(request, obj) and _is_below(request, obj)
 
     def has_delete_permission(self, request: HttpRequest, obj: User | None = None) -> bool:
-        """And deleted by them alone."""
         return super().has_delete_permission(request, obj) and _is_below(request, obj)
 
     def get_readonly_fields(
@@ -96,7 +95,6 @@ class PersonAdmin(ShownFilters, UserAdmin):
 
     @admin.action(description=_("Reopen selected accounts"), permissions=["change"])
     def open_accounts(self, request, queryset) -> None:  # noqa: ANN001 -- Django's signature
-        """Let the chosen people log in again."""
         self.message_user(
             request,
             _("Accounts reopened: %(n)d.") % {"n": _of(request, queryset).update(is_active=True)},
@@ -118,23 +116,18 @@ class AuditAdmin(admin.ModelAdmin):
     show_full_result_count = False
 
     def has_module_permission(self, request: HttpRequest) -> bool:
-        """Administrators."""
         return bool(_user(request).is_active and _user(request).is_superuser)
 
     def has_view_permission(self, request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
-        """Administrators."""
         return self.has_module_permission(request)
 
     def has_add_permission(self, _request: HttpRequest) -> bool:
-        """Nobody writes entries by hand."""
         return False
 
     def has_change_permission(self, _request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
-        """Nor changes them."""
         return False
 
     def has_delete_permission(self, _request: HttpRequest, _obj: AuditEntry | None = None) -> bool:
-        """Nor deletes them."""
         return False
 
     def get_search_results(

@@ -13,7 +13,6 @@ class AccountsConfig(AppConfig):
     verbose_name = _("People")
 
     def ready(self) -> None:
-        """Connect the audit log to the administration, and known devices to log-ins."""
         from allauth.account.signals import password_reset
 
         from accounts.audit import note_administration

@@ -85,11 +85,9 @@ class AuditEntries(models.QuerySet["AuditEntry"]):
     """
 
     def update(self, **_values: Any) -> NoReturn:
-        """Refuse."""
         raise AppendOnlyError("an audit entry cannot be changed")
 
     def delete(self) -> NoReturn:
-        """Refuse."""
         raise AppendOnlyError("an audit entry cannot be deleted")
 
 
@@ -120,15 +118,9 @@ class AuditEntry(models.Model):
         return self.act
 
     def save(self, **options: Any) -> None:
-        """Add the entry.
-
-        Raises:
-            AppendOnlyError: it is there already.
-        """
         if not self._state.adding:
             raise AppendOnlyError("an audit entry cannot be changed")
         super().save(**options)
 
     def delete(self, *_args: Any, **_options: Any) -> NoReturn:
-        """Refuse."""
         raise AppendOnlyError("an audit entry cannot be deleted")

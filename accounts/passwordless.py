@@ -151,7 +151,6 @@ class GuestMiddleware:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer."""
         return self._get_response(request)
 
     def process_view(

@@ -71,7 +71,6 @@ class RetryAfterMiddleware:
         self._get_response = get_response
 
     def __call__(self, request: HttpRequest) -> HttpResponseBase:
-        """Answer, with 429 and Retry-After where a limit was met."""
         response = self._get_response(request)
         guessed = getattr(request, "limit_met", False)
         if guessed and response.status_code in FORM_REFUSED:
@@ -90,7 +89,6 @@ def who(request: HttpRequest) -> str:
 
 
 def too_many(request: HttpRequest, seconds: int, *, json: bool = False) -> HttpResponse:
-    """Tell somebody to wait."""
     if json:
         detail = f"Try again in {seconds} seconds."
         return JsonResponse(

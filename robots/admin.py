@@ -74,8 +74,6 @@ class NowFilter(admin.SimpleListFilter):
 
 
 class PermitInline(admin.TabularInline):
-    """Who was invited, trained, or made an operator."""
-
     model = RobotPermit
     extra = 0
     autocomplete_fields = ("user",)
@@ -617,8 +615,6 @@ class FloorPlanAdmin(FinishingPage):
 
 @admin.register(RobotElsewhere)
 class RobotElsewhereAdmin(ShownFilters):
-    """Which other site serves which robot."""
-
     form = RobotElsewhereForm
     list_display = ("name", "site")
     list_filter = ("site",)

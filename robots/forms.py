@@ -81,8 +81,6 @@ def offered() -> tuple[str, ...]:
 
 
 class RobotElsewhereForm(forms.ModelForm):
-    """A robot at another site."""
-
     class Meta:
         model = RobotElsewhere
         fields = ("name", "site")

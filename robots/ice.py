@@ -49,7 +49,6 @@ class IceCredentials:
         self._made_at = -math.inf  # Unix seconds
 
     def __call__(self) -> tuple[IceServer, ...]:
-        """Return the servers."""
         now = time.time()
         if not 0.0 <= now - self._made_at < LIFETIME_SECONDS / 2:
             self._servers, self._made_at = ice_servers(self._name, now), now

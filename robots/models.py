@@ -133,7 +133,6 @@ class WithPresence(models.Manager["Robot"]):
     """Robots joined with their presence, which nearly all that read a robot need."""
 
     def get_queryset(self) -> "models.QuerySet[Robot]":
-        """Join the presence."""
         return super().get_queryset().select_related("presence")
 
 
@@ -143,8 +142,6 @@ class Robot(models.Model):
     """
 
     class Access(models.TextChoices):
-        """Who may drive."""
-
         OPEN = "open", _("open to all logged-in users")
         INVITATION = "invitation", _("by invitation")
         TRAINED = "trained", _("for trained users")
@@ -332,7 +329,6 @@ class Robot(models.Model):
 
     @property
     def titles(self) -> dict[str, str]:
-        """Return the titles in other languages, by language."""
         return {
             language: words["title"]
             for language, words in (self.translations or {}).items()
@@ -511,8 +507,6 @@ class RobotPermit(models.Model):
     """
 
     class Privilege(models.TextChoices):
-        """What the user may do."""
-
         INVITED = "invited", _("invited")
         TRAINED = "trained", _("trained")
         OPERATOR = "operator", _("operator")

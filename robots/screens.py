@@ -25,7 +25,6 @@ def make_screen_key(robot: Robot, now: datetime.datetime) -> str:
 
 
 def revoke_screen_key(robot: Robot) -> None:
-    """Take the key away."""
     _write(robot, "", None)
 
 

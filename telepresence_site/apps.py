@@ -11,5 +11,4 @@ class TelepresenceSiteConfig(AppConfig):
     verbose_name = _("Telepresence site")
 
     def ready(self) -> None:
-        """Register the system checks."""
         from telepresence_site import checks  # noqa: F401 -- its import registers them

@@ -159,7 +159,6 @@ class Children:
         return next((child for child in self.running if child.process.poll() is not None), None)
 
     def end(self, child: Child) -> None:
-        """End a child, which may have ended already."""
         _end_all([child])
         if child in self.running:
             self.running.remove(child)

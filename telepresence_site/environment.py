@@ -22,7 +22,6 @@ def flag(name: str, *, default: bool = False) -> bool:
 
 
 def words(name: str, default: str = "") -> list[str]:
-    """Return the comma-separated words of an environment variable."""
     return [word.strip() for word in text(name, default).split(",") if word.strip()]
 
 

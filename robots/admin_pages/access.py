@@ -59,7 +59,6 @@ class OfRobots(ShownFilters):
         return bool(super().has_module_permission(request)) or self.is_of(request, None)
 
     def has_view_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """Allow users who see all rows, and the owner."""
         return bool(super().has_view_permission(request, obj)) or self.is_of(request, obj)
 
 

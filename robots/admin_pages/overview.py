@@ -137,6 +137,5 @@ def status_of(robot: Robot) -> OwnerStatus:
 
 
 def _agent_version(robot: Robot) -> str:
-    """Return the version that the agent reported, empty when it reported none."""
     sheet = robot.presence.factsheet if isinstance(robot.presence.factsheet, dict) else {}
     return str(sheet.get("agentVersion", ""))

@@ -287,7 +287,6 @@ class FloorPlan(PlanPart, frozen=True, kw_only=True):
         return next((room for room in self.rooms if contains(room.polygon, x, y)), None)
 
     def dock_of(self, series: str) -> ChargingDock | None:
-        """Return the first dock for a series of robots, or None."""
         return next((dock for dock in self.docks if dock.type == series), None)
 
     def route_of(self, series: str) -> Route | None:
@@ -316,7 +315,6 @@ def decode(data: bytes | str) -> FloorPlan:
 
 
 def encode(plan: FloorPlan) -> bytes:
-    """Return a plan as JSON."""
     return msgspec.json.encode(plan)
 
 

@@ -23,7 +23,6 @@ def suffix_for(peer: str | None) -> str:
 
 
 def is_picture(suffix: str) -> bool:
-    """Tell whether a suffix is one of a picture."""
     return suffix.partition("/")[0] == SUFFIX
 
 
@@ -33,7 +32,6 @@ def is_for(suffix: str, peer: str) -> bool:
 
 
 def pack(stamp: float, jpeg: bytes) -> bytes:
-    """Return a picture on the wire."""
     return _STAMP.pack(stamp) + jpeg
 
 

@@ -134,7 +134,6 @@ class Bridge:
         return self._up.is_set() and not (self._task.done() or self._watching.done())
 
     async def wait_connected(self, seconds: float) -> bool:
-        """Wait until the broker is connected, at most `seconds`."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._up.wait()
@@ -145,7 +144,6 @@ class Bridge:
         return self._loop is loop and not self._closed
 
     async def close(self) -> None:
-        """Disconnect for good."""
         self._closed = True
         await cancel(self._task, self._watching)
 

@@ -58,7 +58,6 @@ class Delivery:
 
     @property
     def robots(self) -> tuple[str, ...]:
-        """The robots with listeners."""
         return tuple(self._listeners)
 
     def listen(self, robot: str, listener: Listener, now: float, *, needs: bool = True) -> bool:
@@ -114,7 +113,6 @@ class Delivery:
         self._followers.setdefault(session, set()).add(listener)
 
     def unfollow(self, session: str, listener: Listener) -> None:
-        """Stop delivering them."""
         followers = self._followers.get(session, set())
         followers.discard(listener)
         if not followers:
@@ -168,12 +166,10 @@ class Delivery:
             known.connection = None
 
     def bring(self, robot: str, inbound: ReceivedMessage) -> None:
-        """Deliver a message to all listeners of a robot."""
         for listener in tuple(self._listeners.get(robot, ())):
             _deliver(listener, inbound)
 
     def bring_everybody(self, inbound: ReceivedMessage) -> None:
-        """Deliver a message to the listeners of all robots."""
         for robot in self.robots:
             self.bring(robot, inbound)
 

@@ -294,17 +294,14 @@ class Verifier:
         return self._known.get((credential_hash, hash_of(token)), -1e18) > now - self._remember
 
     def is_blocked(self, address: str, now: float) -> bool:
-        """Tell whether this address has been wrong too often."""
         return len(self._recent(address, now)) >= self._attempts
 
     def note(self, token: str, credential_hash: str, now: float) -> None:
-        """Remember a success."""
         if len(self._known) >= self._size:
             self._known.clear()
         self._known[credential_hash, hash_of(token)] = now
 
     def note_failure(self, address: str, now: float) -> None:
-        """Count a wrong token."""
         if len(self._failures) >= self._size:
             self._failures.clear()
         self._failures[address] = [*self._recent(address, now), now][-self._attempts :]

@@ -25,8 +25,6 @@ ENROLLING, RENEWING = Attempts("enrol", limit=10), Attempts("renew", limit=20)
 
 
 class EnrolmentRequest(msgspec.Struct):
-    """What an agent shows to be enrolled."""
-
     robot: str
     token: str
 

@@ -89,5 +89,4 @@ def _make(key_file: Path, certificate_file: Path, hosts: list[str]) -> None:
 
 
 def qr_code(address: str) -> None:
-    """Print a QR code."""
     segno.make(address, error="l").terminal(compact=True, border=2)

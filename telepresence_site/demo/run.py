@@ -48,8 +48,6 @@ class DemoError(Exception):
 
 @dataclass(frozen=True)
 class Options:
-    """What the command line asked for."""
-
     port: int
     lan: bool
     reset: bool
@@ -126,8 +124,6 @@ def only_demo_in(folder: Path) -> Iterator[None]:
 
 
 class Demo:
-    """One run of the demo."""
-
     def __init__(self, options: Options) -> None:
         self.options = options
         self.hosts = lan.addresses() if options.lan else []
@@ -245,7 +241,6 @@ class Demo:
         return listening(self.options.port) if self.options.lan else answers(self.address)
 
     def say_where(self) -> None:
-        """Print the links."""
         link = f"{self.address}/demo/{self.token}/giraff/"
         print(f"\n  Drive Giraff now:  {link}\n", flush=True)
         if self.options.lan:

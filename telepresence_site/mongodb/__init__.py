@@ -26,7 +26,6 @@ MIGRATION_MODULES = {
 
 
 def is_address(url: str) -> bool:
-    """Tell whether a DATABASE_URL is a MongoDB's."""
     return url.startswith(SCHEMES)
 
 

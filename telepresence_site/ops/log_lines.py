@@ -71,14 +71,11 @@ def in_order(_logger: Any, _name: str, event: Fields) -> Fields:
 
 
 class Redaction:
-    """Strikes out secrets."""
-
     @functools.cached_property
     def _known(self) -> tuple[str, ...]:
         return known_secrets()  # there are none before the settings are read
 
     def __call__(self, _logger: Any, _name: str, event: Fields) -> Fields:
-        """Return the fields without them."""
         return {name: self._clean(name, value) for name, value in event.items()}
 
     def _clean(self, name: str, value: Any) -> Any:
@@ -104,12 +101,10 @@ def key_value(_logger: Any, _name: str, event: Fields) -> str:
 
 
 def json_lines() -> logging.Formatter:
-    """Return the formatter of one JSON object a line."""
     return _formatter(structlog.processors.JSONRenderer(ensure_ascii=False, default=str))
 
 
 def key_value_lines() -> logging.Formatter:
-    """Return the formatter of `key=value` pairs."""
     return _formatter(key_value)
 
 

@@ -42,7 +42,6 @@ PREFIX = "telepresence_"
 @never_cache
 @require_safe
 async def metrics(request: HttpRequest) -> HttpResponse:
-    """Answer with every figure, to those who may see them."""
     if not may_read(request):
         raise Http404
     _word, free = await disk.read()  # None of a disk that does not answer
@@ -75,8 +74,6 @@ def may_read(request: HttpRequest) -> bool:
 
 
 class _Ready(Collector):
-    """Families that are counted already."""
-
     def __init__(self, families: list[Metric]) -> None:
         self._families = families
 

@@ -32,13 +32,11 @@ class ServerOrder:
         self._silent: Server | None = None
 
     def answered(self, server: Server) -> None:
-        """Note who is the primary."""
         self._newest = server
         if self._silent == server:
             self._silent = None
 
     def was_silent(self, server: Server) -> None:
-        """Note who does not answer any more."""
         self._silent = server
 
     def sort(self, servers: list[Server]) -> list[Server]:
@@ -60,7 +58,6 @@ class DatabaseWrapper(base.DatabaseWrapper):
         return params | {"host": ",".join(hosts), "port": ",".join(ports)}
 
     def get_new_connection(self, conn_params: dict[str, Any]) -> Any:
-        """Connect to the primary."""
         connection: Any = super().get_new_connection(conn_params)
         server = connection.info.host, str(connection.info.port)
         _order.answered(server)

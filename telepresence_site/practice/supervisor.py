@@ -27,7 +27,6 @@ MANAGE = str(settings.BASE_DIR / "manage.py")
 
 
 def robot_command(name: str) -> list[str]:
-    """Return how one practice robot is run."""
     return [MANAGE, "run_robot", name, "--profile", robots.PROFILE, "--viewers", "2"]
 
 
@@ -72,7 +71,6 @@ class Supervisor:
             self.children.stop()
 
     def look(self) -> None:
-        """Do what is due."""
         demand = robots.demand(self._wanted_at, timezone.now())
         self._wanted_at = demand.wanted_at
         self._forget_dead()

@@ -22,7 +22,6 @@ END_SECONDS = 40.0  # for a process whose rehearsal has been ended to end itself
 
 
 def rehearsal_command(row: Rehearsal) -> list[str]:
-    """Return how one rehearsal is run."""
     study = f"{row.study.slug}:{row.study.version}"
     return [MANAGE, "rehearse_study", study, "--requested", str(row.pk)]
 
@@ -46,7 +45,6 @@ class RehearsalRunner:
         self._ended_at: float | None = None  # when its row was found ended, monotonic seconds
 
     def look(self) -> None:
-        """Do what is due."""
         if self._row is None:
             self._row = runs.take_next(self._host, timezone.now())
         if self._row is None:

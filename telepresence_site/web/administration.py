@@ -18,7 +18,6 @@ class AdminConfig(SimpleAdminConfig):
     """The administration; urls.py loads every app's part of it."""
 
     def ready(self) -> None:
-        """Register the system checks, as Django's own does."""
         checks.register(own_checks.check_dependencies, checks.Tags.admin)
         checks.register(check_admin, checks.Tags.admin)
 

@@ -37,7 +37,6 @@ class BodyLimit:
         self._application, self._limit = application, limit
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Let the application read at most `limit` bytes."""
         if scope["type"] != "http":
             await self._application(scope, receive, send)
         elif _declared(scope) > self._limit:
@@ -99,7 +98,6 @@ class SameOrigin:
         )
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Go on, or close before anything is said."""
         origin, host = (
             _header(scope, b"origin").lower().rstrip("/"),
             _header(scope, b"host").lower(),
@@ -129,7 +127,6 @@ class ConnectLimit:
         self._buckets: collections.OrderedDict[str, Bucket] = collections.OrderedDict()
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Go on, or close before anything is said."""
         if self._bucket(address_of(scope, self._proxies)).spend(self._now()):
             await self._application(scope, receive, send)
         else:
@@ -151,7 +148,6 @@ class KnownPaths:
         self._application, self._patterns = application, patterns
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Go on, or refuse before anything is looked up."""
         path = scope["path"].removeprefix("/")
         if any(pattern.resolve(path) for pattern in self._patterns):
             await self._application(scope, receive, send)
@@ -190,7 +186,6 @@ class OpenLimit:
         self._open: collections.Counter[str] = collections.Counter()
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Go on, or close before anything is said."""
         who = self._who(scope)
         if not who:
             await self._application(scope, receive, send)

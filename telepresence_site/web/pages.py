@@ -78,7 +78,6 @@ def robots_json(request: HttpRequest) -> JsonResponse:
 
 @require_safe
 def about(request: HttpRequest) -> HttpResponse:
-    """Say what is recorded of a visitor."""
     return render(request, "site/about.html")
 
 
@@ -165,7 +164,6 @@ class RobotsPage:
 
     @property
     def has_controls(self) -> bool:
-        """Tell whether there is anything to search or to turn."""
         return self.pages > 1 or bool(self.searched)
 
 

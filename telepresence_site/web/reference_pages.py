@@ -29,7 +29,6 @@ _HEADING = re.compile(r"(#{1,4}) (.+)")
 
 @require_safe
 def reference(request: HttpRequest, name: str) -> HttpResponse:
-    """Show a page of the reference."""
     if name not in PAGES:
         raise Http404
     title, html = page_of(name)

@@ -50,7 +50,6 @@ class RequestLog:
         self._application = application
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Serve it, and write down how it went."""
         given = next((value for name, value in scope.get("headers", ()) if name == HEADER), b"")
         request = given.decode() if _GIVEN.fullmatch(given) else secrets.token_hex(8)
         if scope["type"] == "websocket":

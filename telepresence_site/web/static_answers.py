@@ -52,7 +52,6 @@ class StaticAnswers:
         self._application, self._files, self._secure_only = application, files, secure_only
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Answer a request for a file that is known."""
         file = (
             self._files.get(scope["path"])
             if scope["type"] == "http" and scope["method"] in METHODS
@@ -75,7 +74,6 @@ class StaticAnswers:
 
 
 def _read(file: StaticFile, scope: dict[str, Any]) -> tuple[Any, bytes]:
-    """Return WhiteNoise's response to a request, and its body."""
     answer = file.get_response(scope["method"], _environ(scope))
     if answer.file is None:
         return answer, b""

@@ -14,8 +14,6 @@ from robots.models import Robot
 
 
 class Command(BaseCommand):
-    """Make a token and print what to run on the robot."""
-
     help = "Print the command that connects a robot's computer; its token works once."
 
     def add_arguments(self, parser: ArgumentParser) -> None:

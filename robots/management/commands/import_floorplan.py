@@ -13,10 +13,6 @@ from robots.models import FloorPlan
 
 
 class Command(BaseCommand):
-    """Check a folder with map.yaml, its image and plan.json, and take it in place of an earlier one
-    with the same map id.
-    """
-
     help = (
         "Check a site in a folder with map.yaml, its image and plan.json, "
         "and import it into the database and for simulators."

@@ -16,10 +16,6 @@ from robots.site_drafts import propose, read_map, store_site
 
 
 class Command(BaseCommand):
-    """Trace walls, propose rooms, openings, obstacles and charging stations, and store them as a
-    floor plan.
-    """
-
     help = (
         "Make a site from a ROS map: trace its walls and propose rooms, openings and charging"
         " stations. Finish it in the administration."

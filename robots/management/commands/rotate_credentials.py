@@ -12,8 +12,6 @@ from robots.models import Robot
 
 
 class Command(BaseCommand):
-    """Ask for new credentials of some robots, or all."""
-
     help = (
         "Make the agents of robots fetch new credentials by themselves; the current ones stay "
         "valid for one more day."

@@ -12,8 +12,6 @@ from robots.screens import make_screen_key, screen_address
 
 
 class Command(BaseCommand):
-    """Make a new screen key and print the address to open on the robot's display."""
-
     help = "Print a new address for the display on a robot; the previous one stops working."
 
     def add_arguments(self, parser: ArgumentParser) -> None:

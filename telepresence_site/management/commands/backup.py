@@ -14,8 +14,6 @@ from telepresence_site.ops.backup.whole import back_up
 
 
 class Command(BaseCommand):
-    """Never overwrites anything."""
-
     help = (
         "Write everything that cannot be recreated into one new file that "
         "only its owner can read; the site can keep running."

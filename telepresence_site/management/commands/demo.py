@@ -10,10 +10,6 @@ from telepresence_site.environment import flag
 
 
 class Command(BaseCommand):
-    """Start the broker, the session manager, the web server and two simulated robots, and say where
-    they are.
-    """
-
     help = "Run the whole system on this machine with two simulated robots."
 
     def add_arguments(self, parser: ArgumentParser) -> None:

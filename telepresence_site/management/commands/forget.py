@@ -14,8 +14,6 @@ from telepresence_site.ops.retention import empty_write_ahead_log, forget_all
 
 
 class Command(BaseCommand):
-    """Keep to settings.RETENTION_DAYS, and say what was done."""
-
     help = "Delete what is older than the RETENTION_ settings allow; run it daily."
 
     def add_arguments(self, parser: ArgumentParser) -> None:

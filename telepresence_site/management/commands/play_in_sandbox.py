@@ -12,8 +12,6 @@ from telepresence_site.rehearsal.play import PlayFailed, carry_out
 
 
 class Command(BaseCommand):
-    """Carry out the orders of a sandbox."""
-
     help = "Started by run_bots --speed and rehearse_study in a sandbox; do not run it by hand."
     requires_system_checks: list[str] = []
 

@@ -27,8 +27,6 @@ def _sizes(text: str) -> list[int]:
 
 
 class Command(BaseCommand):
-    """Simulates a study with the statistics that will analyse it."""
-
     help = "Estimate the power of the declared analyses, and the number of participants needed."
 
     def add_arguments(self, parser: ArgumentParser) -> None:

@@ -28,8 +28,6 @@ NICE = 10  # behind everything that somebody drives with
 
 
 class Command(BaseCommand):
-    """Rehearse a study."""
-
     help = (
         "Let bots take part in a study in a sandbox, through every "
         "condition, branch and door state, and store the report with the "

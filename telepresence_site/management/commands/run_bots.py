@@ -25,8 +25,6 @@ FASTEST = 50.0
 
 
 class Command(BaseCommand):
-    """Let bots take part in a study."""
-
     help = (
         "Let bots take part in a study: with --url on a running site, with "
         "--speed in a sandbox that runs faster than real time."

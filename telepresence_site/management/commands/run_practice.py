@@ -15,10 +15,6 @@ from telepresence_site.rehearsal.runner import RehearsalRunner
 
 
 class Command(BaseCommand):
-    """Run up to PRACTICE_ROBOTS simulated robots, each only when somebody may want it, and the
-    rehearsals that pages ask for, until Ctrl-C.
-    """
-
     help = (
         "Run simulated robots on which visitors practise while they wait for "
         "a real one (PRACTICE_ROBOTS sets how many at once), and the rehearsals "

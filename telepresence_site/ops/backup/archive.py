@@ -38,15 +38,11 @@ class BackupError(Exception):
 
 
 class FileFacts(msgspec.Struct):
-    """What the manifest says of a file."""
-
     size: Annotated[int, msgspec.Meta(ge=0)]
     sha256: str
 
 
 class Manifest(msgspec.Struct):
-    """The end of an archive."""
-
     format: int
     made_at: str
     engine: str
@@ -56,8 +52,6 @@ class Manifest(msgspec.Struct):
 
 
 class _Hashing(io.RawIOBase):
-    """A file that is hashed while it is read."""
-
     def __init__(self, file: BinaryIO) -> None:
         self._file, self.digest = file, hashlib.sha256()
 

@@ -42,7 +42,6 @@ def member() -> str:
 
 
 def dump(path: Path) -> None:
-    """Write the database into a new file."""
     if connection.vendor == "sqlite":
         with (
             closing(sqlite3.connect(_sqlite_file())) as source,
@@ -55,7 +54,6 @@ def dump(path: Path) -> None:
 
 
 def load(path: Path) -> None:
-    """Fill the empty database from a file."""
     if connection.vendor == "sqlite":
         with (
             closing(sqlite3.connect(path)) as source,
@@ -77,7 +75,6 @@ def load(path: Path) -> None:
 
 
 def is_empty() -> bool:
-    """Tell whether there is no table."""
     if connection.vendor == "sqlite" and not _sqlite_file().exists():
         return True
     with connection.cursor() as cursor:
