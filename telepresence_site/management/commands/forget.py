@@ -1,6 +1,4 @@
-"""`manage.py forget`: what has been kept long enough goes. To be run daily; `--dry-run` only
-counts.
-"""
+"""`manage.py forget`: deletes what is older than settings.RETENTION_DAYS. Run it daily."""
 
 from argparse import ArgumentParser
 from typing import Any

@@ -1,6 +1,4 @@
-"""`manage.py play_in_sandbox`: the process that run_bots and rehearse_study start in a sandbox; of
-no use by hand.
-"""
+"""`manage.py play_in_sandbox`: the process that run_bots and rehearse_study start in a sandbox."""
 
 from typing import Any
 

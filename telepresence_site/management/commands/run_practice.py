@@ -20,7 +20,7 @@ class Command(BaseCommand):
         "a real one (PRACTICE_ROBOTS sets how many at once), and the rehearsals "
         "of studies that researchers start from a page."
     )
-    # of the settings; to check every page takes a second
+    # only those of settings; to check every page takes a second
     requires_system_checks: list[str] = ["telepresence", "security"]
 
     def handle(self, *_args: Any, **_options: Any) -> None:
