@@ -1,4 +1,4 @@
-"""`manage.py rotate_credentials NAME …`: have agents take new credentials while they run."""
+"""`manage.py rotate_credentials NAME …`: agents fetch new credentials while they run."""
 
 from argparse import ArgumentParser
 from typing import Any
@@ -18,12 +18,8 @@ class Command(BaseCommand):
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument(
-            "robots",
-            nargs="*",
-            metavar="robot",
-            help="robot names; without any, all robots with credentials",
-        )
+        names = "robot names; without any, all robots with credentials"
+        parser.add_argument("robots", nargs="*", metavar="robot", help=names)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         rows = Robot.objects.exclude(credentials__credential_hash="").select_related("credentials")

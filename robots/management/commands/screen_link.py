@@ -16,12 +16,8 @@ class Command(BaseCommand):
 
     def add_arguments(self, parser: ArgumentParser) -> None:
         parser.add_argument("robot", help="the robot's name")
-        parser.add_argument(
-            "--server",
-            metavar="URL",
-            required=True,
-            help="the address at which the display reaches the site",
-        )
+        server = "the address at which the display reaches the site"
+        parser.add_argument("--server", metavar="URL", required=True, help=server)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         robot = Robot.objects.filter(name=options["robot"]).first()

@@ -62,9 +62,9 @@ def spoken(path: Path) -> Iterator[str]:
     ]
     docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
     for part in (part for node in ([tree] if whole else calls) for part in ast.walk(node)):
-        if isinstance(part, ast.Constant) and isinstance(part.value, str):
-            if id(part) not in docstrings:
-                yield part.value
+        is_text = isinstance(part, ast.Constant) and isinstance(part.value, str)
+        if is_text and id(part) not in docstrings:
+            yield part.value
 
 
 def _name(function: ast.expr) -> str:
