@@ -1,4 +1,4 @@
-"""Apps of others, with keys that MongoDB makes."""
+"""Third-party apps, with keys that MongoDB generates."""
 
 from allauth.account.apps import AccountConfig as Account
 from django.contrib.auth.apps import AuthConfig as Auth
