@@ -7,8 +7,6 @@ from django.utils.translation import gettext_lazy as _
 
 
 class AccountsConfig(AppConfig):
-    """People, and how they log in."""
-
     name = "accounts"
     verbose_name = _("People")
 

@@ -33,7 +33,7 @@ Application = Callable[[dict[str, Any], Any, Any], Awaitable[None]]
 
 
 def route_of(path: str) -> str:
-    """Return the pattern that a path matches, without ids and keys; `elsewhere` if there is none."""
+    """Return the pattern that a path matches, without ids and keys, or `elsewhere`."""
     return _found(path)[0]
 
 
