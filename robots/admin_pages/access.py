@@ -22,7 +22,7 @@ def _user(request: HttpRequest) -> Any:
 
 
 class OfRobots(ShownFilters):
-    """Rows that belong to a robot; `robot` is the name of that field, empty for the robot itself."""
+    """Rows that belong to a robot; `robot` is the name of that field, empty for robots."""
 
     robot = ""
 
@@ -57,7 +57,7 @@ class WithDriver(OfRobots):
     """Rows with the driver, whom only users who see all rows can identify."""
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Any]":
-        """Annotate each row with whether it may show the name: a column does not get the request."""
+        """Annotate each row with whether it may show names: a column does not get the request."""
         return super().get_queryset(request).annotate(names_driver=Value(self.sees_all(request)))
 
     @staticmethod
@@ -105,7 +105,7 @@ class PermitForm(ModelForm):
 
 
 class OwnersPermits(admin.TabularInline):
-    """Permits of a robot, which users who may change the robot can change; new ones by user name."""
+    """Permits, changed by users who may change their robot; new ones by user name."""
 
     model = RobotPermit
     form = PermitForm

@@ -105,7 +105,7 @@ class Delivery:
         return due
 
     def beat_again(self) -> None:
-        """Make all heartbeats due: the broker is new."""
+        """Make all heartbeats due, because the connection is new."""
         self._beats.clear()
 
     def follow(self, session: str, listener: Listener) -> None:
@@ -146,11 +146,9 @@ class Delivery:
         self, known: KnownRobot, suffix: str, message: Any, payload: bytes, now: float
     ) -> None:
         if known.take(suffix, message, now):
-            frame = (
-                picture.frame(payload)
-                if picture.is_picture(suffix)
-                else f"{suffix}\n{payload.decode('utf-8', 'replace')}"
-            )
+            frame: str | bytes = f"{suffix}\n{payload.decode('utf-8', 'replace')}"
+            if picture.is_picture(suffix):
+                frame = picture.frame(payload)
             self.bring(known.name, ReceivedMessage(suffix, message, frame))
 
     def note_lease(self, robot: str, lease: Lease | None, now: float) -> None:
