@@ -1,4 +1,4 @@
-"""Robots, their keys and their floor plans in the administration."""
+"""Robots and floor plans in the administration."""
 
 import datetime
 import json

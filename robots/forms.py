@@ -46,8 +46,8 @@ class RobotForm(forms.ModelForm):
         for name in {*DECIMALS} & self.fields.keys():
             self.fields[name].widget.attrs["inputmode"] = "decimal"
         robot, switch = self.instance, self.fields.get("shown_to_visitors")
-        is_new = robot.presence.last_seen_at is None and not robot.shown_to_visitors
-        if switch is not None and is_new:
+        # a robot that is being added has no switch and no presence
+        if switch is not None and not (robot.shown_to_visitors or robot.presence.last_seen_at):
             switch.widget.attrs["disabled"] = True  # the page enables it when the robot connects
 
     def clean_translations(self) -> dict[str, Any]:

@@ -65,8 +65,9 @@ def follow(rule: DockedRule, before: DockState, reading: DockReading) -> DockSta
     continuous = before.at is not None and reading.at - before.at <= rule.gap
     since = before.resting_since if continuous and before.resting_since is not None else reading.at
     has_rested = rests and reading.at - since >= rule.seconds - ROUNDING
-    apart_since = reading.at if before.apart_since is None else before.apart_since
-    apart_since = None if reading.contact else apart_since
+    apart_since: float | None = None
+    if not reading.contact:
+        apart_since = reading.at if before.apart_since is None else before.apart_since
     is_apart = apart_since is not None and reading.at - apart_since >= rule.release - ROUNDING
     return DockState(
         docked=has_rested or (before.docked and not is_apart),

@@ -454,7 +454,14 @@ def _bad_routes(plan: FloorPlan) -> Iterator[str]:
 
 
 def _stray_translations(plan: FloorPlan) -> Iterator[str]:
-    titled = [*plan.rooms, *plan.openings, *plan.mirrors, *plan.docks, *plan.places, *plan.starts]
+    titled: list[Any] = [
+        *plan.rooms,
+        *plan.openings,
+        *plan.mirrors,
+        *plan.docks,
+        *plan.places,
+        *plan.starts,
+    ]
     titled += [checkpoint for route in plan.routes for checkpoint in route.checkpoints]
     titles = {plan.title, *(part.title for part in titled)}
     for language, words in plan.translations.items():

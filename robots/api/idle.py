@@ -21,8 +21,10 @@ DISTANCE_STEP_M = 0.25
 ANGLE_STEP_RAD = math.radians(15.0)
 TILT_STEP_RAD = 0.03
 
-_COMPARED = ("session", "docked", "charger_contact", "mode", "assist", "safety", "errors")
-_COMPARED += ("viewers", "call", "screens", "knockable", "knock", "camera_status")
+_COMPARED = (
+    *("session", "docked", "charger_contact", "mode", "assist", "safety", "errors"),
+    *("viewers", "call", "screens", "knockable", "knock", "camera_status"),
+)
 
 
 def is_news(before: State, after: State) -> bool:
