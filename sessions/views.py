@@ -24,7 +24,7 @@ from accounts.rate_limits import limited
 from robots.access import has_a_robot, may_drive, may_observe, may_operate, robots_visible_to
 from robots.api.messages import IceServer
 from robots.cards import picture_of
-from robots.enrol.elsewhere import led_to_its_site
+from robots.enrol.elsewhere import redirect_to_home_site
 from robots.ice import ice_servers
 from robots.models import Robot
 from sessions import protocol
@@ -35,7 +35,7 @@ LISTS = Attempts("snapshots", limit=240)
 
 
 @never_cache
-@led_to_its_site
+@redirect_to_home_site
 @login_required
 @require_safe
 def drive(request: HttpRequest, robot: str) -> HttpResponse:

@@ -7,7 +7,7 @@ while one of its publishers may operate the robot. Robots without an owner are f
 
 from accounts.models import User
 from experiments.models import Study
-from robots.access import oversees
+from robots.access import manages_all_robots
 from robots.models import Robot, RobotPermit
 
 
@@ -26,7 +26,7 @@ def may_use(slug: str, robot: Robot) -> bool:
     return (
         any(user.pk == robot.owner_id for user in publishers)
         or operators.exists()
-        or any(oversees(user) for user in publishers)
+        or any(manages_all_robots(user) for user in publishers)
     )
 
 

@@ -1,6 +1,4 @@
-"""The topic tree: telepresence/v1/<robot>/<suffix>, and the same suffixes in front of messages on
-sockets and data channels.
-"""
+"""The topics: telepresence/v1/<robot>/<suffix>. Sockets and data channels use the same suffixes."""
 
 import re
 from dataclasses import dataclass
@@ -158,9 +156,7 @@ def find(suffix: str) -> Topic | None:
 
 
 def is_kept(topic: str) -> bool:
-    """Tell whether a broker keeps the last message to a full topic, when asked to: where the table
-    says so, and among servers.
-    """
+    """Tell whether a broker may retain messages to a full topic: by the table, and of servers."""
     parsed = parse(topic)
     line = find(parsed[1]) if parsed is not None else None
     return topic.startswith(f"{SERVER}/") or (line is not None and line.retained)
@@ -180,17 +176,13 @@ def parse(topic: str) -> tuple[str, str] | None:
 
 
 def subscriptions(robot: str) -> tuple[tuple[str, int], ...]:
-    """Return the (filter, QoS) pairs that an agent subscribes to: its own inputs, and its presence
-    (see Connection).
-    """
+    """Return the (filter, QoS) pairs that an agent subscribes to: its inputs and its connection."""
     inputs = tuple((of(robot, t.suffix), t.qos) for t in TABLE if t.direction == "to_robot")
     return (*inputs, (of(robot, "connection"), 1))
 
 
 def robot_permissions(robot: str) -> dict[str, tuple[str, ...]]:
-    """Return the filters a robot's own user may `write` and `read`; everything else is refused by
-    the broker.
-    """
+    """Return the filters that a robot's user may `write` and `read`; the broker refuses others."""
     return {
         "write": tuple(of(robot, t.suffix) for t in TABLE if t.direction == "from_robot"),
         "read": tuple(topic for topic, _ in subscriptions(robot)),

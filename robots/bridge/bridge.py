@@ -47,28 +47,14 @@ from robots.enrol.credentials import server_credentials
 
 log = structlog.stdlib.get_logger(__name__)
 
-# The floor plan, which is large, is not among them.
-LISTENED = (
-    "connection",
-    "factsheet",
-    "state",
-    "pose",
-    "scan",
-    "path",
-    "event",
-    "action",
-    "words",
-    "receipt",
-    "pointer",
-    "heartbeat",
-    "picture",
-    "picture/+",
-    "lease",
-    "signal/+/reply",
-)
-# The session manager records states at QoS 1. Here QoS 0 is enough: the next state follows within
+# The QoS of each suffix that pages listen to: not photos and the floor plan, which are large. The
+# session manager records states at QoS 1. Here QoS 0 is enough: the next state follows within
 # 0.25 s, and an acknowledgement takes nearly as much CPU as a message.
-AT_QOS_0 = frozenset({"state"})
+LISTENED = {
+    topic.suffix: topic.qos
+    for topic in topics.TABLE
+    if topic.suffix == "lease" or (topic.direction == "from_robot" and topic.suffix != "photo/+")
+} | {"state": 0}
 STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
 MAX_IN_FLIGHT = 500
 WATCH_SECONDS = 0.2
@@ -108,7 +94,7 @@ class Bridge:
         self._failover = Failover(parse_nodes(url), rng)
         self._credentials = credentials
         self._delivery = Delivery()
-        self.follow = self._delivery.follow  # the notices of a session
+        self.follow = self._delivery.follow
         self.unfollow = self._delivery.unfollow
         self._client: aiomqtt.Client | None = None
         self._writer: QuickWriter | None = None
@@ -134,7 +120,6 @@ class Bridge:
         return self._up.is_set() and not (self._task.done() or self._watching.done())
 
     async def wait_connected(self, seconds: float) -> bool:
-        """Wait until the broker is connected, at most `seconds`."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._up.wait()
@@ -145,7 +130,6 @@ class Bridge:
         return self._loop is loop and not self._closed
 
     async def close(self) -> None:
-        """Disconnect for good."""
         self._closed = True
         await cancel(self._task, self._watching)
 
@@ -229,26 +213,18 @@ class Bridge:
     def _receive(self, message: aiomqtt.Message) -> None:
         self.counts["arrived"] += 1
         topic, payload = str(message.topic), message.payload
-        raw = (
-            bytes(payload)
-            if isinstance(payload, bytes | bytearray)
-            else str(payload or "").encode()
-        )
+        raw = payload if isinstance(payload, bytes | bytearray) else str(payload or "").encode()
         try:
-            self._delivery.arrive(topic, raw, time.monotonic())
+            self._delivery.arrive(topic, bytes(raw), time.monotonic())
         except Rejection as rejection:
             self.counts[rejection.reason] += 1
-            log.warning(
-                "bridge_message_rejected",
-                topic=topic,
-                reason=str(rejection),
-                count=self.counts[rejection.reason],
-            )
+            count, reason = self.counts[rejection.reason], str(rejection)
+            log.warning("bridge_message_rejected", topic=topic, reason=reason, count=count)
 
     # --- listening --------------------------------------------------------------------------------
 
     def listen(self, robot: str, listener: Listener, *, needs: bool = True) -> KnownRobot:
-        """Deliver a robot's messages to a listener; returns the robot's KnownRobot, which stays up
+        """Deliver a robot's messages to a listener; return the robot's KnownRobot, which is kept up
         to date. While a listener `needs` the robot, it sends at its full rate.
         """
         first = self._delivery.listen(robot, listener, time.monotonic(), needs=needs)
@@ -273,25 +249,19 @@ class Bridge:
         if not self.connected:
             return
         for robot, count in self._delivery.beats_due(time.monotonic()):
-            self.send(
-                robot,
-                "command/heartbeat",
-                CommandHeartbeat(n=count, stamp=time.time(), peer=WATCHER),
-            )
+            heartbeat = CommandHeartbeat(n=count, stamp=time.time(), peer=WATCHER)
+            self.send(robot, "command/heartbeat", heartbeat)
 
     def ignore(self, robot: str, listener: Listener) -> None:
         """Stop delivering a robot's messages to a listener; without listeners, unsubscribe."""
-        if not self._delivery.ignore(robot, listener):
-            return
-        if self._client is not None:
-            self._launch(
-                functools.partial(
-                    self._client.unsubscribe, [filter_ for filter_, _ in self._filters(robot)]
-                )
-            )
+        if self._delivery.ignore(robot, listener) and self._client is not None:
+            filters = [filter_ for filter_, _qos in self._filters(robot)]
+            self._launch(functools.partial(self._client.unsubscribe, filters))
 
     def _filters(self, robot: str) -> list[tuple[str, int]]:
-        return [(filter_, self._failover.qos(qos)) for filter_, qos in _filters(robot)]
+        return [
+            (topics.of(robot, suffix), self._failover.qos(qos)) for suffix, qos in LISTENED.items()
+        ]
 
     # --- publishing -------------------------------------------------------------------------------
 
@@ -304,13 +274,8 @@ class Bridge:
 
     def send_stop(self, robot: str, action: Action) -> None:
         """Publish a stop or an e-stop; until the broker confirms it, repeat it for 3 s at most."""
-        self._publish_stop(
-            _Stop(
-                topics.of(robot, "command/action"),
-                codec.encode(action),
-                time.monotonic() + STOP_SECONDS,
-            )
-        )
+        topic, deadline = topics.of(robot, "command/action"), time.monotonic() + STOP_SECONDS
+        self._publish_stop(_Stop(topic, codec.encode(action), deadline))
 
     def publish_lease(self, robot: str, lease: Lease | None) -> bool:
         """Publish a lease (None: no driver), and act on it here at once.
@@ -319,12 +284,8 @@ class Bridge:
         still valid, and the page of the session reads it there first.
         """
         self._delivery.note_lease(robot, lease, time.monotonic())
-        return self._publish(
-            topics.of(robot, "lease"),
-            b"" if lease is None else codec.encode(lease),
-            qos=1,
-            retain=True,
-        )
+        payload = b"" if lease is None else codec.encode(lease)
+        return self._publish(topics.of(robot, "lease"), payload, qos=1, retain=True)
 
     def publish_notice(self, session: str, frame: str) -> bool:
         """Publish a notice of a session for every web process and the session manager."""
@@ -424,16 +385,7 @@ class Bridge:
         self._send_reports()
 
 
-def _filters(robot: str) -> tuple[tuple[str, int], ...]:
-    lines = ((suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED)
-    return tuple(
-        (topics.of(robot, suffix), 0 if suffix in AT_QOS_0 else line.qos)
-        for suffix, line in lines
-        if line is not None
-    )
-
-
-# --- the one of this process ----------------------------------------------------------------------
+# --- the bridge of this process -------------------------------------------------------------------
 
 
 class _Process:

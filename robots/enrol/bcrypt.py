@@ -1,10 +1,10 @@
-"""Hashes of tokens as NATS reads them: bcrypt, by the system's own libcrypt.
+"""Hashes of tokens for NATS: bcrypt, from the system's libcrypt.
 
-Debian's libcrypt (libxcrypt) has bcrypt; Python's `crypt` ends with Python 3.12, and one function
-is not worth a dependency. Where a system's libcrypt cannot do it (macOS), there is no hash, and the
-files for NATS leave that user out; everything else works without it.
+Debian's libcrypt (libxcrypt) has bcrypt. Python 3.13 has no `crypt` module, and one function is not
+worth a dependency. Where libcrypt has no bcrypt (macOS), there is no hash, and the files for NATS
+leave that user out.
 
-The tokens have 256 random bits, so that the cost is the least that bcrypt allows.
+The tokens have 256 random bits, so the lowest cost of bcrypt is enough.
 """
 
 import ctypes
@@ -21,9 +21,8 @@ LAST_SALT_LETTERS = ".Oeu"  # of the last letter only two bits count
 
 
 def bcrypt_hash(token: str, *, salt: bytes | None = None) -> str:
-    """Return the hash of a token in the `$2b$` form, "" where the system cannot make one.
-
-    `salt` has 22 bytes; the same give the same hash.
+    """Return the hash of a token in the `$2b$` form, "" if the system has no bcrypt; `salt` has 22
+    bytes.
     """
     crypt = _crypt()
     if crypt is None:
@@ -41,8 +40,8 @@ def _letters(salt: bytes) -> str:
 
 @cache
 def _crypt() -> Any:
-    """Return libcrypt's `crypt`, or None. It is called with the interpreter's lock held (PyDLL),
-    because its answer lies in a buffer that all threads share.
+    """Return libcrypt's `crypt`, or None. It is called with the interpreter's lock (PyDLL), because
+    it returns a buffer that all threads share.
     """
     name = ctypes.util.find_library("crypt")
     if name is None:

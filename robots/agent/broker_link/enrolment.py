@@ -84,7 +84,7 @@ def enrol(robot: str, server: str, token: str, path: Path, ca: str | None = None
     """
     check_private(server)
     try:
-        credentials_file.rehearse(path)
+        credentials_file.check_writable(path)
         answer = _post(
             f"{server.rstrip('/')}{ENROL_PATH}", {"robot": robot, "token": token}, {}, ca
         )

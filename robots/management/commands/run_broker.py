@@ -23,8 +23,6 @@ from robots.interpreter import set_up_for_latency
 
 
 class Command(BaseCommand):
-    """Run Mosquitto when it is installed, and the embedded broker otherwise."""
-
     help = (
         "Run the MQTT broker: Mosquitto when it is installed, the embedded "
         "one otherwise. Port 0 picks a free one."

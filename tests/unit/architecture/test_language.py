@@ -50,14 +50,21 @@ CALLED = re.compile(rf"\b(?:{'|'.join(sorted(SPOKEN))})\(")
 
 
 def spoken(path: Path) -> Iterator[str]:
-    """Yield the sentences that a module says on the command line."""
-    if not CALLED.search(text_of(path)):
+    """Yield the sentences that a module says on the command line: all of a command or of the system
+    checks.
+    """
+    whole = "commands" in path.parts or path.name == "checks.py"
+    if not whole and not CALLED.search(text_of(path)):
         return
-    for node in ast.walk(ast.parse(text_of(path))):
-        if isinstance(node, ast.Call) and _name(node.func) in SPOKEN:
-            for part in ast.walk(node):
-                if isinstance(part, ast.Constant) and isinstance(part.value, str):
-                    yield part.value
+    tree = ast.parse(text_of(path))
+    calls = [
+        node for node in ast.walk(tree) if isinstance(node, ast.Call) and _name(node.func) in SPOKEN
+    ]
+    docstrings = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
+    for part in (part for node in ([tree] if whole else calls) for part in ast.walk(node)):
+        is_text = isinstance(part, ast.Constant) and isinstance(part.value, str)
+        if is_text and id(part) not in docstrings:
+            yield part.value
 
 
 def _name(function: ast.expr) -> str:

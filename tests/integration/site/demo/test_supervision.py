@@ -8,9 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from telepresence_site.children import TELLS, Child, Children, DemoPart, StartFailed
-from telepresence_site.demo.restart import RestartPolicy
-from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
+from telepresence_site.children import NOTICE_PREFIX, Child, Children, DemoPart, StartFailed
+from telepresence_site.demo.supervision import PartLostError, RestartPolicy, ServiceSupervisor
 from tests.support.sessions.site import wait_for
 
 POLICY = RestartPolicy(first_delay=0.0, longest_delay=0.0, settled=1000.0, quick_deaths=3)
@@ -77,9 +76,13 @@ def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_t
 
 
 def test_what_a_part_tells_of_its_own_children_is_said_once(supervisor, told):
-    lines = f"{TELLS}The practice robot ended.", "2026 not for people", f"{TELLS}One é more."
+    lines = (
+        f"{NOTICE_PREFIX}The practice robot ended.",
+        "2026 not for people",
+        f"{NOTICE_PREFIX}One é more.",
+    )
     script = f"import time; print({chr(10).join(lines)!r}, flush=True); time.sleep(600)"
-    start(supervisor, DemoPart("practice", ["-c", script], lambda _child: True, tells=True))
+    start(supervisor, DemoPart("practice", ["-c", script], lambda _child: True, has_notices=True))
     look_until(supervisor, lambda: len(told) > 1)
     supervisor.look()
     assert told == ["The practice robot ended.", "One é more."]
@@ -171,7 +174,7 @@ def test_what_a_part_wrote_before_it_died_stays_in_its_log_and_is_not_taken_for_
     children.end(first)
     second = children.start("broker", ["-c", ""])
     second.process.wait()
-    assert (first.last_words(), second.last_words()) == ("ready", "it said nothing")
+    assert (first.last_line(), second.last_line()) == ("ready", "it said nothing")
     assert second.log.read_text() == "ready\n"
 
 

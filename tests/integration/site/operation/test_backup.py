@@ -271,7 +271,7 @@ def test_a_failed_backup_leaves_nothing_behind(tmp_path):
 
 
 def test_one_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
-    from telepresence_site.ops.backup.whole import _fits
+    from telepresence_site.ops.backup.whole import _check_fits
 
     manifest = {
         "engine": "sqlite",
@@ -280,10 +280,10 @@ def test_one_of_newer_code_or_of_another_engine_is_refused(monkeypatch):
         "key": "",
     }
     with pytest.raises(BackupError, match="one migration unknown here"):
-        _fits(manifest)
+        _check_fits(manifest)
     with pytest.raises(BackupError, match="of a postgresql database"):
-        _fits({**manifest, "engine": "postgresql"})
-    assert _fits({**manifest, "migrations": ["robots.0017_presence_and_credentials"]}) == [
+        _check_fits({**manifest, "engine": "postgresql"})
+    assert _check_fits({**manifest, "migrations": ["robots.0017_presence_and_credentials"]}) == [
         "The backup is from an older version: run manage.py migrate.",
         (
             "SECRET_KEY differs from that of the backup: everybody has to log in again, and "
