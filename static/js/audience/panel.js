@@ -27,10 +27,7 @@ const MARKS = {
 };
 const NOTES = new Set(["rate", "too_many", "full", "closed"]);
 
-/**
- * Whether there is an audience, or this page is a part of one.
- * @param {import("../drive/features.js").State} state
- */
+/** Whether there is an audience, or this page is a part of one. @param {State} state */
 export const isOffered = ({ visit, audience, room }) => {
   const role = roleOf(visit);
   return (
@@ -69,9 +66,7 @@ export class WaitingNews {
 
 /**
  * Who has a hand up, in words.
- * @param {{hands: number, names: string[]}} audience
- * @param {import("../lib/words.js").Words} words
- * @param {string} language
+ * @param {{hands: number, names: string[]}} audience @param {Words} words @param {string} language
  */
 export const handsText = ({ hands, names }, words, language) => {
   const more = hands - names.length;
@@ -84,7 +79,7 @@ export const handsText = ({ hands, names }, words, language) => {
     : words.say("audience.no_hands");
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 export const createPanel = (page) => {
   const { store, element, words, connection, keys } = page;
   const form = createForm(page);
@@ -118,7 +113,7 @@ export const createPanel = (page) => {
       const { audience } = store.get();
       before = audience?.raised ? audience : before;
     },
-    /** @param {import("../drive/features.js").State} state */
+    /** @param {State} state */
     render: (state) => {
       const { audience } = state;
       const offered = isOffered(state);
@@ -147,10 +142,7 @@ export const createPanel = (page) => {
 
 /**
  * Where the panel is, and whether it is open.
- * @param {import("../drive/registry.js").Page} page
- * @param {boolean} driver
- * @param {boolean} offered
- * @param {boolean} isOpen
+ * @param {Page} page @param {boolean} driver @param {boolean} offered @param {boolean} isOpen
  */
 const renderPlace = ({ element }, driver, offered, isOpen) => {
   const [box, panel, button] = [
@@ -170,7 +162,7 @@ const renderPlace = ({ element }, driver, offered, isOpen) => {
   element("audience-mine").hidden = driver;
 };
 
-/** The field for a question. @param {import("../drive/registry.js").Page} page */
+/** The field for a question. @param {Page} page */
 const createForm = ({ element, words, connection }) => {
   const field = /** @type {HTMLInputElement} */ (element("ask-field"));
   let asked = ""; // on its way to the server
@@ -208,7 +200,7 @@ const createForm = ({ element, words, connection }) => {
   };
 };
 
-/** @param {import("../drive/registry.js").Page} page @param {Audience} audience */
+/** @param {Page} page @param {Audience} audience */
 const renderTexts = ({ element, words }, audience) => {
   const count = countOf(audience);
   element("audience-count").hidden = count === 0;
@@ -237,8 +229,7 @@ const askedNow = (questions) =>
  */
 class QuestionList {
   /**
-   * @param {HTMLElement} list
-   * @param {import("../lib/words.js").Words} words
+   * @param {HTMLElement} list @param {Words} words
    * @param {(id: string, state: string) => void} mark
    */
   constructor(list, words, mark) {

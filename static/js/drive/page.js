@@ -11,7 +11,7 @@ import { readWords } from "../lib/words.js";
 import { FIRST, LATER, newState } from "./features.js";
 import { Registry } from "./registry.js";
 import { createScheduler } from "./scheduler.js";
-import { recall, recallKeys } from "./storage.js";
+import { recall, recallKeys } from "../lib/storage.js";
 import { createStore } from "./store.js";
 
 const AGAIN = 2000; // ms until a feature that did not arrive is fetched again
@@ -41,11 +41,9 @@ const given = {
 if (parent === window) {
   delete element("drive-page").dataset.framed; // a page of its own has ways out of its own
 }
-const store = createStore(
-  /** @type {import("./features.js").State} */ ({ ...newState(), ...given }),
-);
+const store = createStore(/** @type {State} */ ({ ...newState(), ...given }));
 
-const page = /** @type {import("./registry.js").Page} */ ({
+const page = /** @type {Page} */ ({
   config,
   words,
   element,
@@ -70,7 +68,7 @@ const page = /** @type {import("./registry.js").Page} */ ({
   begin: () => begin(),
 });
 
-/** @param {import("./registry.js").Feature} feature */
+/** @param {Feature} feature */
 const setUp = (feature) => {
   const parts = feature.setUp(page);
   Object.assign(page, { [feature.name]: parts.api });
@@ -90,8 +88,7 @@ const pause = () =>
 
 /**
  * The network may be unavailable just now.
- * @param {typeof LATER[number]} load
- * @returns {Promise<import("./registry.js").Feature>}
+ * @param {typeof LATER[number]} load @returns {Promise<Feature>}
  */
 const fetched = (load) =>
   load().catch((error) => {

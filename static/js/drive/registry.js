@@ -29,7 +29,7 @@ const PASSING = new Set([
  * @typedef {object} Parts all of them may be left out
  * @property {object} [api] what it offers to other features
  * @property {Record<string, (message: any,
- *   transport: import("../protocol/clock_sync.js").Transport) => void>} [handlers] by a message's
+ *   transport: Transport) => void>} [handlers] by a message's
  *   suffix
  * @property {Record<string, (argument: string) => void>} [actions] by the name in `data-action`
  * @property {Record<string, import("../input/key_dispatcher.js").KeyHandler>} [keys] by the command
@@ -39,10 +39,10 @@ const PASSING = new Set([
  *
  * @typedef {object} Page what every feature gets, with the `api` of the other features
  * @property {any} config from the template
- * @property {import("../lib/words.js").Words} words
- * @property {(id: string) => HTMLElement} element
- * @property {import("./store.js").Store} store
- * @property {import("../input/key_dispatcher.js").KeyDispatcher} keys
+ * @property {Words} words
+ * @property {GetElement} element
+ * @property {Store} store
+ * @property {KeyDispatcher} keys
  * @property {(own: Record<string, string[]>) => void} useKeys
  * @property {Registry["handle"]} handle
  * @property {Registry["emit"]} emit
@@ -99,9 +99,7 @@ export class Registry {
   }
 
   /**
-   * @param {string} suffix
-   * @param {any} message
-   * @param {any} transport
+   * @param {string} suffix @param {any} message @param {any} transport
    * @returns {boolean} whether a feature takes such messages
    */
   handle(suffix, message, transport) {

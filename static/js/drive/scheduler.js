@@ -9,7 +9,7 @@ import { TICK_SECONDS } from "../protocol/command_stream.js";
 
 const HURRY = 1.5; // s after a grant in which heartbeats come twice as often
 
-/** @param {import("./registry.js").Page} page */
+/** @param {Page} page */
 export const createScheduler = ({ store, emit, connection, driving, video }) => {
   const ageTrend = new AgeTrend();
   let [polledAt, secondAt] = [0, 0];

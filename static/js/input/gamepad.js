@@ -17,14 +17,11 @@ const PRESSED_STICKS = /** @type {[number, "left" | "right"][]} */ ([
 
 export class Gamepads {
   /**
-   * @param {object} options
-   * @param {(shares: {ahead: number, left: number}) => void} options.emit
-   * @param {() => void} options.stop
-   * @param {(change: number) => void} options.step
+   * @param {object} options @param {(shares: {ahead: number, left: number}) => void} options.emit
+   * @param {() => void} options.stop @param {(change: number) => void} options.step
    * @param {(pad: {there: boolean, stick: "left" | "right", standard: boolean}) => void}
    *   options.onPad plugged in, pulled out, or its sticks were swapped
-   * @param {EventTarget} [options.target]
-   * @param {() => (Gamepad | null)[]} [options.list]
+   * @param {EventTarget} [options.target] @param {() => (Gamepad | null)[]} [options.list]
    * @param {(callback: () => void) => unknown} [options.frame]
    */
   constructor({

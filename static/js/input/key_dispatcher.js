@@ -37,11 +37,7 @@ export const isShortcut = (event) =>
     event.ctrlKey || event.metaKey || event.altKey || event.isComposing || event.keyCode === 229,
   );
 
-/**
- * The last open holder of the page, or null.
- * @param {ParentNode} root
- * @returns {Element | null}
- */
+/** The last open holder of the page, or null. @param {ParentNode} root @returns {Element | null} */
 export const openHolder = (root) =>
   Array.from(root.querySelectorAll(HOLDERS)).filter(isShown).at(-1) ?? null;
 
@@ -52,8 +48,7 @@ const isShown = (element) =>
 /**
  * What a pressed key is for: the page (`free`), stopping the robot (`stop`), or something else.
  * @param {any} event keydown
- * @param {Element | null} holder
- * @param {Keymap} [keymap]
+ * @param {Element | null} holder @param {Keymap} [keymap]
  * @returns {"free" | "stop" | "text" | "shortcut" | "own" | "held"}
  */
 export const keyUse = (event, holder, keymap = USUAL) => {
@@ -80,8 +75,7 @@ export const keyUse = (event, holder, keymap = USUAL) => {
 
 export class KeyDispatcher {
   /**
-   * @param {object} [options]
-   * @param {Keymap} [options.keymap]
+   * @param {object} [options] @param {Keymap} [options.keymap]
    * @param {EventTarget} [options.target] where keys are heard
    * @param {any} [options.root] the document
    * @param {(onChange: () => void) => void} [options.watch] calls when something of the page is

@@ -1,7 +1,6 @@
 /**
  * Same words are not written again: screen readers would read them again.
- * @param {HTMLElement} element
- * @param {string} text
+ * @param {HTMLElement} element @param {string} text
  */
 export const write = (element, text) => {
   if (element.textContent !== text) {
@@ -11,7 +10,7 @@ export const write = (element, text) => {
 
 /**
  * The keys drive again, and the space bar stops the robot instead of pressing a button again.
- * @param {(id: string) => HTMLElement} element
+ * @param {GetElement} element
  */
 export const backToDriving = (element) => element("viewport").focus({ preventScroll: true });
 

@@ -1,8 +1,7 @@
 /**
  * A fresh id of the shape that the Robot API takes. `crypto.randomUUID` exists in secure contexts
  * only; this works in all.
- * @param {string} [prefix]
- * @returns {string}
+ * @param {string} [prefix] @returns {string}
  */
 export const freshId = (prefix = "") => {
   const bytes = crypto.getRandomValues(new Uint8Array(12));

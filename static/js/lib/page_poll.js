@@ -2,9 +2,7 @@
 
 /**
  * The first element that matches. The template determines its kind.
- * @param {string} selector
- * @param {ParentNode} [root]
- * @returns {any}
+ * @param {string} selector @param {ParentNode} [root] @returns {any}
  */
 export const find = (selector, root = document) => root.querySelector(selector);
 

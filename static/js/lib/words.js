@@ -30,8 +30,7 @@ export const createWords = (sentences, language, always = {}) => {
 /** @typedef {ReturnType<typeof createWords>} Words */
 
 /**
- * @param {HTMLTemplateElement} template
- * @param {string} language
+ * @param {HTMLTemplateElement} template @param {string} language
  * @param {Record<string, string>} [always]
  */
 export const readWords = (template, language, always) => {

@@ -12,7 +12,7 @@ import { lineOf } from "./message_line.js";
 const MOST_LINES = 50;
 
 export class Conversation {
-  /** @param {import("../drive/registry.js").Page} page */
+  /** @param {Page} page */
   constructor(page) {
     this.page = page;
     this.list = page.element("talk-list");
@@ -28,10 +28,7 @@ export class Conversation {
     this.list.replaceChildren();
   }
 
-  /**
-   * The visitor's sentence leaves the page.
-   * @param {import("../autonomy/robot_action.js").RobotAction} action
-   */
+  /** The visitor's sentence leaves the page. @param {RobotAction} action */
   sent(action) {
     const line = lineOf({
       who: this.page.words.say("presence.you"),
@@ -101,8 +98,7 @@ export class Conversation {
 
   /**
    * How far a sentence has come, and a button for one that was not sent.
-   * @param {string} id
-   * @returns {HTMLElement}
+   * @param {string} id @returns {HTMLElement}
    */
   #stateOf(id) {
     const state = document.createElement("span");

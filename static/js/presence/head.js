@@ -1,17 +1,13 @@
 /** The robot's head on the drive page: its slider and its keys. */
 
 import { isOffered } from "../autonomy/offer.js";
-import { ask } from "../autonomy/robot_action.js";
+import { ask } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { backToDriving } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";
 import { STEP, Tilting } from "./tilt.js";
 
-/**
- * @param {HTMLInputElement} slider
- * @param {number} angle rad
- * @param {import("../lib/words.js").Words} words
- */
+/** @param {HTMLInputElement} slider @param {number} angle rad @param {Words} words */
 const showAngle = (slider, angle, words) => {
   if (Math.abs(Number(slider.value) - angle) > 0.005) {
     slider.value = String(angle);
@@ -24,7 +20,7 @@ const showAngle = (slider, angle, words) => {
   }
 };
 
-/** @param {import("../drive/registry.js").Page} page */
+/** @param {Page} page */
 export const createHead = ({ store, element, driving, words }) => {
   const slider = /** @type {HTMLInputElement} */ (element("tilt-slider"));
   const tilting = new Tilting();
@@ -65,7 +61,7 @@ export const createHead = ({ store, element, driving, words }) => {
         driving.sendAction(ask({ type: "tilt", angle }, freshId("tilt-"), now));
       }
     },
-    /** @param {import("../drive/features.js").State} state */
+    /** @param {State} state */
     render: (state) => {
       const range = isOffered(state, "tilt") && state.playing ? state.factsheet.tilt : null;
       element("tilt").hidden = !range;

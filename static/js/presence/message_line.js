@@ -1,6 +1,4 @@
-/**
- * A line of a conversation, for the list of messages on either side.
- */
+/** A line of a conversation, for the list of messages on either side. */
 
 /** @param {{who: string, text: string, own: boolean}} line @returns {HTMLLIElement} */
 export const lineOf = ({ who, text, own }) => {

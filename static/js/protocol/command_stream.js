@@ -103,8 +103,7 @@ export class CommandStream {
 
   /**
    * Brake. A stop needs no lease.
-   * @param {number} now
-   * @param {"stop" | "estop"} [type]
+   * @param {number} now @param {"stop" | "estop"} [type]
    * @param {boolean} [isAsked] whether somebody pressed it, or the page stops the robot by itself
    * @returns {Record<string, any>} the first copy of the action; `repeat` gives the others
    */

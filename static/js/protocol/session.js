@@ -118,9 +118,7 @@ const send = (suffix, message = {}) => ({ type: "send", suffix, message });
 const LET_GO = [{ type: "control", lease: null }, { type: "close_link" }];
 
 /**
- * @param {Visit} visit
- * @param {Happening} happening
- * @returns {{visit: Visit, effects: Effect[]}}
+ * @param {Visit} visit @param {Happening} happening @returns {{visit: Visit, effects: Effect[]}}
  */
 export const reduce = (visit, happening) => {
   const handler = HANDLERS[happening.type];
@@ -199,9 +197,7 @@ const OVER = /** @type {const} */ ({
 });
 
 /**
- * @param {Phase} phase
- * @param {string} reason
- * @param {Effect[]} [more]
+ * @param {Phase} phase @param {string} reason @param {Effect[]} [more]
  * @returns {[Partial<Visit>, Effect[]]}
  */
 const over = (phase, reason, more = []) => [
@@ -480,18 +476,14 @@ const HANDLERS = {
 };
 
 /**
- * @param {string} role
- * @param {RTCIceServer[]} iceServers
- * @param {number} attempt
- * @returns {Effect}
+ * @param {string} role @param {RTCIceServer[]} iceServers @param {number} attempt @returns {Effect}
  */
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
 
 /**
  * Opens the link again, and asks for new credentials where the relay may no longer take the old
  * ones: the answer opens it once more.
- * @param {Visit} visit
- * @param {number} attempt
+ * @param {Visit} visit @param {number} attempt
  * @param {number} now Unix time
  * @returns {Effect[]}
  */
@@ -519,8 +511,7 @@ export const isSigning = ({ phase, signingUntil }, now) =>
 
 /**
  * What the page is to the robot: whoever waits watches, if the server lets them.
- * @param {Visit} visit
- * @returns {"driver" | "observer" | ""}
+ * @param {Visit} visit @returns {"driver" | "observer" | ""}
  */
 export const roleOf = ({ phase, link }) => {
   if (phase === "driving") {
@@ -531,7 +522,6 @@ export const roleOf = ({ phase, link }) => {
 
 /**
  * Over which link the page does that.
- * @param {Visit} visit
- * @returns {"driver" | "observer" | "sfu" | ""}
+ * @param {Visit} visit @returns {"driver" | "observer" | "sfu" | ""}
  */
 const linkRoleOf = (visit) => (roleOf(visit) === "observer" && visit.sfu ? "sfu" : roleOf(visit));

@@ -10,10 +10,8 @@ const MOST_BUFFERED = 64 * 1024;
 
 export class Socket {
   /**
-   * @param {object} options
-   * @param {string} options.url
-   * @param {(packet: unknown) => void} options.onPacket
-   * @param {() => void} options.onOpen
+   * @param {object} options @param {string} options.url
+   * @param {(packet: unknown) => void} options.onPacket @param {() => void} options.onOpen
    * @param {(code: number) => void} options.onLost
    * @param {(url: string) => WebSocket} [options.connect]
    */

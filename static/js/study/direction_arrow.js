@@ -42,8 +42,7 @@ export const pointTo = (pose, target, hfov) => {
 };
 
 /**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../lib/words.js").Words} words
+ * @param {GetElement} element @param {Words} words
  * @param {() => {x: number, y: number, theta: number, localized: boolean} | null} poseNow the
  *   newest pose there is
  * @param {string} language a BCP 47 tag
@@ -54,7 +53,7 @@ export const createDirectionArrow = (element, words, poseNow, language) => {
     minimumFractionDigits: 1,
     maximumFractionDigits: 1,
   });
-  return (/** @type {import("../drive/features.js").State} */ state) => {
+  return (/** @type {State} */ state) => {
     const target = roleOf(state.visit) === "driver" && state.playing ? targetOf(state) : null;
     const pose = poseNow();
     arrow.hidden = !target || !pose?.localized;

@@ -17,11 +17,9 @@ import { createDirectionArrow } from "./direction_arrow.js";
 /**
  * @param {object} page
  * @param {string} page.snapshots where the photos are listed
- * @param {import("../lib/words.js").Words} page.words
- * @param {(id: string) => HTMLElement} page.element
+ * @param {Words} page.words @param {GetElement} page.element
  * @param {import("../view/map/robot_map.js").RobotMap} page.map
- * @param {(action: string) => void} page.act
- * @returns {(state: import("../drive/features.js").State) => void}
+ * @param {(action: string) => void} page.act @returns {(state: State) => void}
  */
 export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   const announcerQueue = new AnnouncerQueue();
@@ -32,7 +30,7 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   ];
   let drawn = "";
 
-  /** @param {import("../drive/features.js").State} state */
+  /** @param {State} state */
   const showCourse = ({ study, told }) => {
     const marks = marksFor(study, told);
     const key = JSON.stringify(marks?.stops.map(({ status }) => status));
@@ -57,12 +55,7 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   };
 };
 
-/**
- * What is read out.
- * @param {import("../drive/features.js").State} state
- * @param {import("../lib/words.js").Words} words
- * @returns {string}
- */
+/** What is read out. @param {State} state @param {Words} words @returns {string} */
 const spoken = (state, words) => {
   const guide = guideFor(state);
   if (!guide) {

@@ -5,10 +5,8 @@ import { windowFor } from "./photo.js";
 import { Snapshots } from "./snapshots.js";
 
 /**
- * @param {(id: string) => HTMLElement} element
- * @param {import("../lib/words.js").Words} words
- * @param {{list: string, act: (action: string) => void}} options
- * @returns {(state: import("../drive/features.js").State) => void}
+ * @param {GetElement} element @param {Words} words
+ * @param {{list: string, act: (action: string) => void}} options @returns {(state: State) => void}
  */
 export const createPhotoWindow = (element, words, { list, act }) => {
   const panel = element("photo");
@@ -52,7 +50,6 @@ export const createPhotoWindow = (element, words, { list, act }) => {
 
 /**
  * A newer server's cue has a general sentence.
- * @param {import("./photo.js").Window} what
- * @param {import("../lib/words.js").Words} words
+ * @param {import("./photo.js").Window} what @param {Words} words
  */
 export const photoSentence = ({ word }, words) => words.say(words.has(word) ? word : "photo.other");

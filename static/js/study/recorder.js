@@ -15,8 +15,7 @@ const STEADY_MS = 400; // a window that is being pulled larger has many sizes
 const PERMISSIONS = ["camera", "microphone"];
 
 /**
- * @param {object} options
- * @param {() => import("../drive/features.js").State} options.get
+ * @param {object} options @param {() => State} options.get
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean}
  *   options.report whether it was handed to the network
  * @param {() => number} options.now Unix seconds
@@ -63,7 +62,7 @@ export const createRecorder = ({ get, report, now }) => {
     sayPermissions();
   };
 
-  /** @param {import("../drive/features.js").State} state */
+  /** @param {State} state */
   const show = (state) => {
     const at = now();
     if (isDriving() && state.visit.session !== session) {
@@ -102,7 +101,7 @@ const newFirstFrame = (report, now) => {
     reset: () => {
       framed = -Infinity;
     },
-    /** @param {import("../drive/features.js").State} state */
+    /** @param {State} state */
     say: ({ told, playing, slow }) => {
       const unknown = framed === -Infinity || told?.cue === "wait_for_picture";
       if (
@@ -127,7 +126,7 @@ const onResized = (tell) => {
   });
 };
 
-/** How the page is laid out now. @param {import("../drive/features.js").State} state */
+/** How the page is laid out now. @param {State} state */
 const layoutNow = (state) => ({
   interface: nameOf(state),
   layout: layoutOf(innerWidth, innerHeight),
@@ -159,8 +158,7 @@ const watchPermissions = (changed) => {
 
 /**
  * One permission, now and whenever it changes.
- * @param {string} name
- * @param {(state: string) => unknown} tell
+ * @param {string} name @param {(state: string) => unknown} tell
  */
 const watchPermission = async (name, tell) => {
   try {

@@ -31,7 +31,7 @@ import {
   messageOf,
   pass,
   wishOf,
-} from "../../../static/js/autonomy/robot_action.js";
+} from "../../../static/js/protocol/robot_action.js";
 
 const TEMPLATE = readFileSync(
   new URL("../../../templates/sessions/_words.html", import.meta.url),

@@ -8,7 +8,7 @@ import { newVisit, reduce } from "../../../static/js/protocol/session.js";
 import { alertFor, staysOverCards } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { clockTime, contains, createDials, roomAt } from "../../../static/js/view/map/dials.js";
-import { standstillOf } from "../../../static/js/view/hud/standstill.js";
+import { standstillOf } from "../../../static/js/protocol/standstill.js";
 import { statusFor } from "../../../static/js/view/hud/status.js";
 import { createWords } from "../../../static/js/lib/words.js";
 import { freeRobotsIn } from "../../../static/js/waiting/free_robots.js";

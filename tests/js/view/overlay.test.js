@@ -7,7 +7,7 @@ import {
   along,
   robotFromMap,
   mapFromRobot,
-} from "../../../static/js/view/overlay/transforms.js";
+} from "../../../static/js/lib/transforms.js";
 import {
   boxOf,
   depthOf,
@@ -24,7 +24,7 @@ import {
   lineSteps,
   reachOf,
   sweep,
-} from "../../../static/js/view/overlay/swept_path.js";
+} from "../../../static/js/lib/swept_path.js";
 
 const TRUTH = JSON.parse(
   readFileSync(new URL("../../golden/projection.json", import.meta.url), "utf8"),

@@ -16,7 +16,6 @@ import { readDecimal } from "../../lib/decimal.js";
 import { element, ground, pointList, toUnits, UNIT, viewBoxOf } from "./course_ground.js";
 import { GRIP, movable, pointAt } from "./map_handles.js";
 
-/** @typedef {[number, number]} Point */
 /**
  * @typedef {object} Handle something on the map that can be moved
  * @property {string} id
@@ -85,10 +84,7 @@ const checkpoints = (title) => {
 };
 
 /**
- * @param {string} name
- * @param {string} kind
- * @param {number} least
- * @param {string} [item]
+ * @param {string} name @param {string} kind @param {number} least @param {string} [item]
  * @returns {Handle[]}
  */
 const pointsOf = (name, kind, least, item) => {

@@ -74,9 +74,7 @@ const drawn = ({ kind, number }, pixel) => {
 
 /**
  * Openings between their ends, and docks to where they look.
- * @param {Handle[]} handles
- * @param {number} pixel
- * @returns {SVGElement[]}
+ * @param {Handle[]} handles @param {number} pixel @returns {SVGElement[]}
  */
 const lines = (handles, pixel) =>
   handles.flatMap((handle, n) => {

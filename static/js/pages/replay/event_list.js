@@ -1,6 +1,4 @@
-/**
- * Events and photos in order, each a button that leads to its moment.
- */
+/** Events and photos in order, each a button that leads to its moment. */
 
 import { lastBefore } from "./record.js";
 import { written } from "./timeline.js";
@@ -19,11 +17,8 @@ const make = (tag, name, text = "") => {
 /** @typedef {{t: number, source: string, type: string, detail: string, photo: string}} Entry */
 
 /**
- * @param {HTMLElement} list
- * @param {import("./record.js").SessionRecord} record
- * @param {{t: number, url: string}[]} photos
- * @param {import("../../lib/words.js").Words} words
- * @param {(t: number) => void} go
+ * @param {HTMLElement} list @param {SessionRecord} record
+ * @param {{t: number, url: string}[]} photos @param {Words} words @param {(t: number) => void} go
  */
 export const createEventList = (list, record, photos, words, go) => {
   /** @type {Entry[]} */
@@ -55,8 +50,7 @@ export const createEventList = (list, record, photos, words, go) => {
 
 /**
  * Scroll the list, and nothing but the list.
- * @param {HTMLElement} list
- * @param {HTMLElement | undefined} row
+ * @param {HTMLElement} list @param {HTMLElement | undefined} row
  */
 const reveal = (list, row) => {
   if (row && list.scrollHeight > list.clientHeight) {
@@ -64,11 +58,7 @@ const reveal = (list, row) => {
   }
 };
 
-/**
- * @param {Entry} entry
- * @param {import("../../lib/words.js").Words} words
- * @param {(t: number) => void} go
- */
+/** @param {Entry} entry @param {Words} words @param {(t: number) => void} go */
 const rowOf = ({ t, source, type, detail, photo }, words, go) => {
   const row = make("li", "replay-event");
   row.dataset.source = source;

@@ -13,7 +13,7 @@ import { readWords } from "../../lib/words.js";
 import { Devices } from "../../presence/devices.js";
 import { RemotePointers } from "../../presence/remote_pointers.js";
 import { lineOf } from "../../presence/message_line.js";
-import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../view/hud/faults.js";
+import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../protocol/faults.js";
 import { isRefusal, newRelease } from "../../protocol/estop_release.js";
 import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
 import { MediaSender } from "./media_sender.js";
@@ -449,8 +449,7 @@ const showKnock = (rings, name) => {
 
 /**
  * Somebody who stands with their back to the robot hears that it rings.
- * @param {string} scene
- * @param {string} name
+ * @param {string} scene @param {string} name
  */
 const announce = (scene, name) => {
   const next = scene === "ringing" ? `${told.screen?.session}` : "";

@@ -167,8 +167,7 @@ const questionOf = (event) =>
 
 /**
  * Tick what excludes others, untick the others.
- * @param {HTMLInputElement} control
- * @param {HTMLFieldSetElement} question
+ * @param {HTMLInputElement} control @param {HTMLFieldSetElement} question
  */
 const exclude = (control, question) => {
   const alone = (/** @type {HTMLInputElement} */ one) =>
@@ -195,8 +194,7 @@ const empty = (control) => {
 
 /**
  * Choose the value that a list offers: several lists of one name offer different ones.
- * @param {HTMLSelectElement} list
- * @param {string[]} values
+ * @param {HTMLSelectElement} list @param {string[]} values
  */
 const choose = (list, values) => {
   list.value =

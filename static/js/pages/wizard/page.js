@@ -8,7 +8,7 @@ import { unixNow } from "../../lib/clock.js";
 import { write } from "../../lib/dom.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
-import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../view/hud/faults.js";
+import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../protocol/faults.js";
 import { ShownFrame } from "../../view/video/capture_stamp.js";
 import { Viewport } from "../../view/video/viewport.js";
 import { createConnection } from "./connection.js";
@@ -45,7 +45,7 @@ const told = {
   connected: false,
   /** whether a WebSocket that is open brings nothing any more */
   silent: false,
-  /** @type {import("../../view/hud/faults.js").ShownFault[]} */
+  /** @type {import("../../protocol/faults.js").ShownFault[]} */
   faults: [],
   /**
    * a step that the page drives now

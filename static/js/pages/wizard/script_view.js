@@ -4,8 +4,7 @@
  */
 
 /**
- * @param {any} script
- * @param {HTMLElement} place
+ * @param {any} script @param {HTMLElement} place
  * @param {{describe: (step: any) => string, onPress: (step: any) => void}} options
  * @returns {Map<string, HTMLButtonElement>} by the step's key
  */
@@ -46,9 +45,7 @@ const buttonOf = (step, description) => {
 };
 
 /**
- * @param {Map<string, HTMLButtonElement>} buttons
- * @param {string[]} done
- * @param {boolean} enabled
+ * @param {Map<string, HTMLButtonElement>} buttons @param {string[]} done @param {boolean} enabled
  * @param {string} running key of the step that the robot does now
  */
 export const markSteps = (buttons, done, enabled, running) => {

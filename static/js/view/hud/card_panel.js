@@ -7,11 +7,10 @@ import { backToDriving, write } from "../../lib/dom.js";
 export class CardPanel {
   /**
    * @param {object} options
-   * @param {(id: string) => HTMLElement} options.element gives the page's elements: #card, with
-   *   #card-title, #card-warning, #card-text, #card-instead, #card-main, #card-extra, #card-other
-   *   and #card-count in it
-   * @param {import("../../lib/words.js").Words} options.words
-   * @param {(action: string) => void} options.onAction
+   * @param {GetElement} options.element gives the page's elements: #card, with #card-title,
+   *   #card-warning, #card-text, #card-instead, #card-main, #card-extra, #card-other and
+   *   #card-count in it
+   * @param {Words} options.words @param {(action: string) => void} options.onAction
    */
   constructor({ element, words, onAction }) {
     const part = (/** @type {string} */ id) => element(`card-${id}`);
@@ -39,7 +38,7 @@ export class CardPanel {
     }
   }
 
-  /** @param {import("./card.js").Card | null} card */
+  /** @param {Card | null} card */
   show(card) {
     if (!card && this.element.contains(document.activeElement)) {
       backToDriving(this.find); // also of a card that goes by itself
@@ -135,11 +134,7 @@ export class CardPanel {
   }
 }
 
-/**
- * @param {import("./card.js").Card} card
- * @param {import("../../lib/words.js").Words} words
- * @returns {string}
- */
+/** @param {Card} card @param {Words} words @returns {string} */
 export const textOf = ({ word, values, detail }, words) =>
   [detail ? words.say(detail.word, detail.values) : "", words.say(`${word}.text`, values)]
     .filter(Boolean)

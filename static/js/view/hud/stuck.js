@@ -31,7 +31,7 @@ const REFUSALS = {
 /** @typedef {{word: string, values?: Record<string, string>}} Why */
 
 /**
- * @param {import("../../drive/features.js").State} state
+ * @param {State} state
  * @param {{now: number, heardAt: number, movedAt: number}} times Unix seconds: when the robot was
  *   heard of last, and seen to move
  * @returns {Why | null} null when nothing is pressed, or the robot moves

@@ -5,7 +5,6 @@
 
 import { toScreen } from "./transform.js";
 
-/** @typedef {{x: number, y: number, theta: number}} Place */
 /** @typedef {{kind: "goal" | "pose", x: number, y: number, theta: number | null}} Aim */
 
 const SIGMAS = 2;
@@ -15,7 +14,7 @@ const LEAST_ELLIPSE = 4; // CSS pixels; a smaller one lies under the arrow anywa
  * @param {Place} place
  * @param {number} x m, in its frame
  * @param {number} y
- * @returns {[number, number]} m, in the frame that `place` is in
+ * @returns {Point} m, in the frame that `place` is in
  */
 export const compose = ({ x: px, y: py, theta }, x, y) => [
   px + x * Math.cos(theta) - y * Math.sin(theta),
@@ -28,7 +27,7 @@ export const compose = ({ x: px, y: py, theta }, x, y) => [
  *   scan
  * @param {{x: number, y?: number, theta?: number}} mount of the laser, in the robot's frame
  * @param {Place} pose of the robot
- * @returns {[number, number][]}
+ * @returns {Point[]}
  */
 export const scanPoints = (
   { angleMin, angleIncrement, rangeMax, ranges },
@@ -68,8 +67,7 @@ export const ellipseOf = (covariance) => {
 };
 
 /**
- * @param {CanvasRenderingContext2D} context @param {import("./transform.js").View} view
- * @param {[number, number][]} points @param {string} colour
+ * @param {Canvas2D} context @param {MapView} view @param {Point[]} points @param {string} colour
  */
 export const drawPoints = (context, view, points, colour) => {
   context.fillStyle = colour;
@@ -80,10 +78,8 @@ export const drawPoints = (context, view, points, colour) => {
 };
 
 /**
- * @param {CanvasRenderingContext2D} context
- * @param {import("./transform.js").View} view
- * @param {Place & {covariance?: number[] | null}} pose
- * @param {string} colour
+ * @param {Canvas2D} context @param {MapView} view
+ * @param {Place & {covariance?: number[] | null}} pose @param {string} colour
  */
 export const drawUncertainty = (context, view, pose, colour) => {
   const ellipse = ellipseOf(pose.covariance);
@@ -112,11 +108,8 @@ export const drawUncertainty = (context, view, pose, colour) => {
 
 /**
  * A ring with a dot, and where the robot shall look.
- * @param {CanvasRenderingContext2D} context
- * @param {import("./transform.js").View} view
- * @param {Aim} aim
- * @param {string} colour
- * @param {string} edge
+ * @param {Canvas2D} context @param {MapView} view @param {Aim} aim
+ * @param {string} colour @param {string} edge
  */
 export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
   const [px, py] = toScreen(view, x, y);
@@ -151,9 +144,8 @@ export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
 
 /**
  * What the assistance minds: a cross in a ring, so that it is not told by its colour alone.
- * @param {CanvasRenderingContext2D} context
- * @param {import("./transform.js").View} view
- * @param {[number, number]} point of the map
+ * @param {Canvas2D} context @param {MapView} view
+ * @param {Point} point of the map
  * @param {string} colour
  */
 export const drawObstacle = (context, view, [x, y], colour) => {

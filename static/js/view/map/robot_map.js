@@ -48,29 +48,28 @@ export class RobotMap {
     this.tools = tools;
     this.frame = frame;
     this.trail = new Trail();
-    /** @type {import("./floor_plan.js").FloorPlan | null} */
+    /** @type {FloorPlan | null} */
     this.site = null;
     /** @type {CanvasImageSource | null} */
     this.image = null;
     /** @type {Pose | null} */
     this.pose = null;
     this.stamp = 0;
-    /** @type {[number, number][]} what the robot follows by itself */
+    /** @type {Point[]} what the robot follows by itself */
     this.path = [];
-    /** @type {[number, number][]} what the laser saw last, in the map */
+    /** @type {Point[]} what the laser saw last, in the map */
     this.seen = [];
     this.laser = false;
     /** @type {import("./layers.js").Aim | null} where the robot is to go, or is said to be */
     this.aim = null;
     /**
-     * @type {Record<"below" | "above", (context: CanvasRenderingContext2D,
-     *   view: import("./transform.js").View, paint: Record<string, string>) => void> | null} what a
-     *   study adds
+     * @type {Record<"below" | "above", (context: Canvas2D, view: MapView, paint:
+     *   Record<string, string>) => void> | null} what a study adds
      */
     this.course = null;
-    /** @type {[number, number] | null} what the assistance minds, in the robot's frame */
+    /** @type {Point | null} what the assistance minds, in the robot's frame */
     this.obstacle = null;
-    /** @type {import("./transform.js").View | null} */
+    /** @type {MapView | null} */
     this.view = null;
     this.size = { width: 0, height: 0, tools: 0 }; // CSS pixels
     this.density = 1;
@@ -83,7 +82,7 @@ export class RobotMap {
     this.#watchDensity();
   }
 
-  /** @param {import("./floor_plan.js").FloorPlan} site @param {CanvasImageSource | null} image */
+  /** @param {FloorPlan} site @param {CanvasImageSource | null} image */
   show(site, image) {
     this.site = site;
     this.image = image;
@@ -114,10 +113,7 @@ export class RobotMap {
     }
   }
 
-  /**
-   * Take a path that was driven before this map was opened.
-   * @param {Iterable<[number, number]>} points
-   */
+  /** Take a path that was driven before this map was opened. @param {Iterable<Point>} points */
   setTrail(points) {
     this.trail = new Trail();
     for (const [x, y] of points) {
@@ -140,7 +136,7 @@ export class RobotMap {
     this.#redraw();
   }
 
-  /** @param {[number, number][]} points */
+  /** @param {Point[]} points */
   setPath(points) {
     this.path = points;
     this.#redraw();
@@ -156,8 +152,7 @@ export class RobotMap {
   }
 
   /**
-   * @param {{aim: import("./layers.js").Aim | null, obstacle: [number, number] | null,
-   *   laser: boolean}} marks
+   * @param {{aim: import("./layers.js").Aim | null, obstacle: Point | null, laser: boolean}} marks
    */
   setMarks({ aim, obstacle, laser }) {
     if (aim !== this.aim || obstacle !== this.obstacle || laser !== this.laser) {
@@ -178,7 +173,7 @@ export class RobotMap {
   /**
    * @param {number} px CSS pixels from the canvas's corner
    * @param {number} py
-   * @returns {[number, number] | null} metres; null before there is a map
+   * @returns {Point | null} metres; null before there is a map
    */
   worldAt(px, py) {
     return this.view && toWorld(this.view, px, py);
@@ -245,7 +240,7 @@ export class RobotMap {
       : this.view;
   }
 
-  /** @param {Record<string, string>} paint */
+  /** @param {Paint} paint */
   #drawStill(paint) {
     const context = this.still.getContext("2d");
     const key = JSON.stringify(this.view);
@@ -304,7 +299,7 @@ export class RobotMap {
   }
 
   /**
-   * @param {CanvasRenderingContext2D} context @param {[number, number][]} points
+   * @param {Canvas2D} context @param {Point[]} points
    * @param {string} colour @param {number} width @param {number[]} dash
    */
   #line(context, points, colour, width, dash) {
@@ -322,7 +317,7 @@ export class RobotMap {
     context.setLineDash([]);
   }
 
-  /** @param {CanvasRenderingContext2D} context @param {Record<string, string>} paint */
+  /** @param {Canvas2D} context @param {Paint} paint */
   #marker(context, paint) {
     if (!this.pose || !this.view) {
       return;
@@ -359,8 +354,7 @@ export class RobotMap {
 
 /**
  * Fetch a floor plan and, when it has no plan of rooms, its image.
- * @param {string} url
- * @returns {Promise<{site: import("./floor_plan.js").FloorPlan, image: HTMLImageElement | null}>}
+ * @param {string} url @returns {Promise<{site: FloorPlan, image: HTMLImageElement | null}>}
  */
 export const loadFloorPlan = async (url) => {
   const response = await fetch(url, { credentials: "same-origin" });

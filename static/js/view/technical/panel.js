@@ -10,11 +10,8 @@ const PERIOD_MS = 500;
 const COPIED_MS = 2000;
 
 /**
- * @param {object} page
- * @param {(id: string) => HTMLElement} page.element
- * @param {import("../../lib/words.js").Words} page.words
- * @param {() => import("./figures.js").Raw} page.raw
- * @returns {(shown: boolean) => void}
+ * @param {object} page @param {GetElement} page.element @param {Words} page.words
+ * @param {() => import("./figures.js").Raw} page.raw @returns {(shown: boolean) => void}
  */
 export const createTechnical = ({ element, words, raw }) => {
   const panel = element("technical");

@@ -1,6 +1,4 @@
-/**
- * One coded event, to be moved, annotated and deleted.
- */
+/** One coded event, to be moved, annotated and deleted. */
 
 import { edited, moved } from "./events.js";
 
@@ -19,14 +17,11 @@ export const make = (tag, name, text = "") => {
 };
 
 /**
- * @param {CodedEvent} event @param {Code} code @param {import("../../../lib/words.js").Words} words
- * @param {object} page
+ * @param {CodedEvent} event @param {Code} code @param {Words} words @param {object} page
  * @param {() => number} page.now s
  * @param {number} page.duration s
- * @param {() => string} page.newId
- * @param {(edits: Edit[]) => void} page.change
- * @param {(t: number) => void} page.seek
- * @param {(text: string) => void} page.say
+ * @param {() => string} page.newId @param {(edits: Edit[]) => void} page.change
+ * @param {(t: number) => void} page.seek @param {(text: string) => void} page.say
  * @returns {HTMLElement}
  */
 export const createEditor = (event, code, words, page) => {
@@ -58,10 +53,7 @@ const button = (text, name = "button button--plain", label = "") => {
 };
 
 /**
- * @param {CodedEvent} event
- * @param {"begin" | "end"} side
- * @param {import("../../../lib/words.js").Words} words
- * @param {any} page
+ * @param {CodedEvent} event @param {"begin" | "end"} side @param {Words} words @param {any} page
  */
 const sideRow = (event, side, words, page) => {
   const row = make("div", "coding__side");
@@ -104,9 +96,7 @@ const sideRow = (event, side, words, page) => {
 };
 
 /**
- * @param {CodedEvent} event
- * @param {{name: string, values: string[]}} modifier
- * @param {import("../../../lib/words.js").Words} words
+ * @param {CodedEvent} event @param {{name: string, values: string[]}} modifier @param {Words} words
  * @param {any} page
  */
 const modifierRow = (event, modifier, words, page) => {
@@ -127,11 +117,7 @@ const modifierRow = (event, modifier, words, page) => {
   return label;
 };
 
-/**
- * @param {CodedEvent} event
- * @param {import("../../../lib/words.js").Words} words
- * @param {any} page
- */
+/** @param {CodedEvent} event @param {Words} words @param {any} page */
 const commentRow = (event, words, page) => {
   const label = make("label", "coding__field", words.say("coding.comment"));
   const input = make("input", "");

@@ -32,9 +32,7 @@ const newId = () => {
 
 export class CodingPanel {
   /**
-   * @param {(id: string) => any} element
-   * @param {any} config
-   * @param {import("../../../lib/words.js").Words} words
+   * @param {(id: string) => any} element @param {any} config @param {Words} words
    * @param {{now: () => number, seek: (t: number) => void, duration: number}} player
    */
   constructor(element, config, words, player) {
@@ -122,10 +120,7 @@ export class CodingPanel {
     this.mark(this.player.now());
   }
 
-  /**
-   * A comment that is being typed is kept.
-   * @param {CodedEvent[]} events
-   */
+  /** A comment that is being typed is kept. @param {CodedEvent[]} events */
   #renderList(events) {
     const text = JSON.stringify([events, this.selected, this.isDone]);
     if (text === this.drawn) {
@@ -330,8 +325,7 @@ export class CodingPanel {
 
 /**
  * Bring a row into sight without moving the page, on which somebody watches the map.
- * @param {Element} list
- * @param {Element} row
+ * @param {Element} list @param {Element} row
  */
 const scrollInside = (list, row) => {
   const [box, own] = [list.getBoundingClientRect(), row.getBoundingClientRect()];

@@ -3,7 +3,7 @@
  * robots/presence/report.py says it to lists and the queue, and what it is like now. Pure.
  */
 
-import { reports } from "../../autonomy/reasons.js";
+import { reports } from "../autonomy/reasons.js";
 
 const STALE_SECONDS = 4; // robots speak at least once a second to a page that is open
 
@@ -34,14 +34,14 @@ export const isAway = (robot) =>
 
 /**
  * Whether neither the server nor the page reaches it: what it said last may be over.
- * @param {import("../../drive/features.js").State} state
+ * @param {State} state
  */
 export const isCutOff = ({ visit, serverSilent }) =>
   visit.link !== "live" && (!visit.online || visit.socket === "lost" || serverSilent);
 
 /**
  * Its last state, while that is of the present: a robot that has gone has no speed any more.
- * @param {import("../../drive/features.js").State} state
+ * @param {State} state
  * @returns {any} null when it has not been heard of for some seconds
  */
 export const knownNow = ({ robot, robotAt, now }) => (now - robotAt > STALE_SECONDS ? null : robot);

@@ -4,8 +4,6 @@
  * (experiments/participation/drive_config.py). Without a study everything is open.
  */
 
-/** @typedef {import("../drive/features.js").State} State */
-
 /** What may steer, null when everything may. @param {State} state @returns {string[] | null} */
 export const controllersOf = ({ visit, study }) => (visit.terms ?? study)?.controllers ?? null;
 
@@ -14,16 +12,14 @@ export const maySteer = (state, method) => controllersOf(state)?.includes(method
 
 /**
  * Whether the robot may be asked for this type of action.
- * @param {State} state
- * @param {string} type
+ * @param {State} state @param {string} type
  */
 export const mayAsk = ({ visit, study }, type) =>
   (visit.terms ?? study)?.actions?.includes(type) ?? true;
 
 /**
  * Whether the robot is sent by places, or by a point of the map: to the robot both are the same.
- * @param {State} state
- * @param {"places" | "map"} by
+ * @param {State} state @param {"places" | "map"} by
  */
 export const maySend = ({ study }, by) => study?.ownActions.includes(by) ?? true;
 
