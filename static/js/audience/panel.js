@@ -113,21 +113,22 @@ export const createPanel = (page) => {
       const { audience } = store.get();
       before = audience?.raised ? audience : before;
     },
-    /** @param {State} state */
-    render: (state) => {
+    changed: (/** @type {State} */ state) => {
       const { audience } = state;
-      const offered = isOffered(state);
-      isOpen &&= offered && !state.panel;
-      renderPlace(page, roleOf(state.visit) === "driver", offered, isOpen);
-      if (!audience) {
-        return;
-      }
-      if (before && before !== audience) {
+      isOpen &&= isOffered(state) && !state.panel;
+      if (audience && before && before !== audience) {
         before = null;
         // Also when it seems to be up: a web process that died may have been the one that held it.
         if (audience.open) {
           connection.send("audience/hand", { raised: true });
         }
+      }
+    },
+    render: (/** @type {State} */ state) => {
+      const { audience } = state;
+      renderPlace(page, roleOf(state.visit) === "driver", isOffered(state), isOpen);
+      if (!audience) {
+        return;
       }
       renderTexts(page, audience);
       const n = countOf(audience);

@@ -74,9 +74,6 @@ export const wordOf = ({ why, side }) => {
   return why === "blind" || side === "" ? `assist.${why}` : `assist.${why}.${side}`;
 };
 
-/** Which levels can be chosen, none when the robot does not assist. @param {any} factsheet */
-export const offersAssist = (factsheet) => Boolean(factsheet?.capabilities?.includes("assist"));
-
 /**
  * The level of assistance in force: what the robot reports, as a study may fix it. A robot that has
  * lost its driver reports its owner's level; the driver then sees the last one of the visit.

@@ -5,12 +5,11 @@ import { Aiming } from "../input/aiming.js";
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
 import { roleOf } from "../protocol/session.js";
-import { maySend } from "../protocol/capabilities.js";
+import { maySend, can } from "../protocol/capabilities.js";
 import { wrap } from "../lib/transforms.js";
 import { leavesByItself } from "./arrival.js";
 import { HeldHelp, NO_HELP, helpFrom } from "./assistance.js";
 import { createMapBar, showsLaser } from "./map_bar.js";
-import { can } from "./offer.js";
 import { createOfferPanel } from "./offer_panel.js";
 import { ask, heard, isUnderWay, pass, wishOf } from "../protocol/robot_action.js";
 
@@ -72,20 +71,14 @@ const setUp = (page) => {
     actions: { ...newActions(page), assist },
     on: {
       ...newListeners(page),
+      changed: (/** @type {State} */ state) => (mayAim(state) ? aiming.enable() : aiming.disable()),
       poll: (/** @type {number} */ now) => {
         arrive(page, now);
         pursue(page, now);
         showHelp(held.tick(now));
       },
     },
-    render: (/** @type {any} */ state) => {
-      renders.forEach((render) => render(state));
-      if (mayAim(state)) {
-        aiming.enable();
-      } else {
-        aiming.disable();
-      }
-    },
+    render: (/** @type {State} */ state) => renders.forEach((render) => render(state)),
   };
 };
 

@@ -1,10 +1,9 @@
 /** On the map: the menu of places and other actions, and the two buttons for a chosen point. */
 
 import { roleOf } from "../protocol/session.js";
-import { maySend } from "../protocol/capabilities.js";
+import { maySend, can } from "../protocol/capabilities.js";
 import { write } from "../lib/dom.js";
 import { assistIn } from "./assistance.js";
-import { can } from "./offer.js";
 import { profileOf } from "../view/display/profiles.js";
 
 /**

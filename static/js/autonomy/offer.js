@@ -7,8 +7,9 @@
 import { isHeld, releaseOf } from "../protocol/estop_release.js";
 import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "../protocol/robot_action.js";
-import { controllersOf, mayAsk, maySend, maySteer } from "../protocol/capabilities.js";
-import { reasonFor, reports } from "./reasons.js";
+import { can, controllersOf, mayAsk, maySend, maySteer } from "../protocol/capabilities.js";
+import { reasonFor } from "./reasons.js";
+import { reports } from "../protocol/standstill.js";
 
 /**
  * @typedef {object} Offer
@@ -28,34 +29,6 @@ const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
 /** Words for releasing a stop between visits, which is no button on the robot. */
 const HELD = { offered: "held", asked: "asked", failed: "held_failed" };
-
-/**
- * Whether who waits may write to the people beside the robot: the first in the queue of one whose
- * emergency stop is on, where a display shows it (sessions/consumers/waiting_chat.py). A
- * participant of a study may not.
- * @param {State} state
- */
-export const mayWriteWaiting = ({ visit, robot, study, factsheet }) =>
-  visit.phase === "queued" &&
-  visit.place === 1 &&
-  visit.pause === "paused: estop" &&
-  !study &&
-  (robot?.screens ?? 0) > 0 &&
-  Boolean(factsheet?.capabilities?.includes("say"));
-
-/**
- * Whether the robot says it can do something, and the visitor may ask for it.
- * @param {State} state @param {string} capability
- */
-export const can = (state, capability) =>
-  Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
-
-/**
- * Whether it is offered to this visitor now: only who drives can ask for it.
- * @param {State} state @param {string} capability
- */
-export const isOffered = (state, capability) =>
-  roleOf(state.visit) === "driver" && can(state, capability);
 
 /**
  * What the button out of the station does: the robot's own action, or a drive backwards that the

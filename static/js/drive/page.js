@@ -7,6 +7,7 @@
 import { KeyDispatcher } from "../input/key_dispatcher.js";
 import { Keymap } from "../input/keymap.js";
 import { isSupported } from "../protocol/link.js";
+import { guarded } from "../lib/errors.js";
 import { readWords } from "../lib/words.js";
 import { FIRST, LATER, newState } from "./features.js";
 import { Registry } from "./registry.js";
@@ -106,7 +107,10 @@ const setUpFirst = async () => {
     setUp(feature);
   }
   keymap.writeHints(document);
-  store.subscribe((state) => registry.render(state));
+  store.subscribe(() => {
+    registry.emit("changed", store.get());
+    registry.render(store.get());
+  });
 };
 
 const setUpLater = async () => {
@@ -117,7 +121,8 @@ const setUpLater = async () => {
     await turn();
   }
   for (const load of LATER) {
-    setUp(await fetched(load));
+    const feature = await fetched(load);
+    guarded(() => setUp(feature));
     store.update({});
     await pause();
   }

@@ -4,9 +4,8 @@ import { unixNow } from "../lib/clock.js";
 import { lazy } from "../lib/lazy.js";
 import { TICK_SECONDS } from "../protocol/command_stream.js";
 import { roleOf } from "../protocol/session.js";
-import { mayWriteWaiting } from "../autonomy/offer.js";
+import { mayWriteWaiting, controllersOf } from "../protocol/capabilities.js";
 import { messageOf } from "../protocol/robot_action.js";
-import { controllersOf } from "../protocol/capabilities.js";
 import { onFocusLoss } from "./focus_loss.js";
 import { Steering } from "./steering.js";
 

@@ -13,6 +13,7 @@
  * Dialogs and open <details> are holders; others have `data-holds-keys` in their template.
  */
 
+import { guarded } from "../lib/errors.js";
 import { Keymap } from "./keymap.js";
 
 const HOLDERS = "[data-holds-keys], dialog[open], details[open]";
@@ -152,7 +153,7 @@ export class KeyDispatcher {
   /** Every key counts as released. */
   letGo() {
     this.down.clear();
-    this.users.forEach((user) => user.letGo?.());
+    this.users.forEach((user) => guarded(() => user.letGo?.()));
   }
 
   /** @param {KeyboardEvent} event */
@@ -168,14 +169,14 @@ export class KeyDispatcher {
     }
     if ((use === "free" || use === "stop") && (!event.repeat || this.down.has(event.code))) {
       this.down.add(event.code);
-      this.users.forEach((user) => user.down(event));
+      this.users.forEach((user) => guarded(() => user.down(event)));
     }
   }
 
   /** @param {KeyboardEvent} event */
   #release(event) {
     this.down.delete(event.code);
-    this.users.forEach((user) => user.up?.(event));
+    this.users.forEach((user) => guarded(() => user.up?.(event)));
   }
 
   #watchHolder() {

@@ -3,7 +3,7 @@
  * them, and the call that the robot is told of.
  */
 
-import { isOffered } from "../autonomy/offer.js";
+import { isOffered } from "../protocol/capabilities.js";
 import { ask } from "../protocol/robot_action.js";
 import { backToDriving } from "../lib/dom.js";
 import { freshId } from "../lib/ids.js";

@@ -3,7 +3,7 @@
  * they show.
  */
 
-import { isOffered } from "../autonomy/offer.js";
+import { isOffered } from "../protocol/capabilities.js";
 import { setPressed, write } from "../lib/dom.js";
 import { callOf, isHeard, noteOf, previewOf } from "./call.js";
 import { takesPointers } from "./call_media.js";

@@ -109,7 +109,10 @@ export class Conversation {
     again.textContent = this.page.words.say("said.again");
     again.addEventListener("click", () => {
       this.#change(id, (delivery) => retry(delivery, unixNow()));
-      this.page.driving.sendAction(this.own.get(id)?.delivery.action);
+      const entry = this.own.get(id);
+      if (entry) {
+        this.page.driving.sendAction(entry.delivery.action);
+      }
       backToDriving(this.page.element);
     });
     state.append(document.createElement("span"), again);

@@ -5,12 +5,11 @@
  */
 
 import { backToDriving } from "../lib/dom.js";
-import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
+import { isOffered, mayWriteWaiting, mayAsk } from "../protocol/capabilities.js";
 import { unixNow } from "../lib/clock.js";
 import { toRead } from "../lib/reading_time.js";
 import { lazy } from "../lib/lazy.js";
 import { roleOf } from "../protocol/session.js";
-import { mayAsk } from "../protocol/capabilities.js";
 import { callOf } from "./call.js";
 import { CallMedia } from "./call_media.js";
 import { createCallView } from "./call_view.js";
@@ -49,6 +48,16 @@ const setUp = (page) => {
     },
     keys: { talk: media.talkKey, ...head.keys },
     on: {
+      changed: (/** @type {State} */ state) => {
+        if (isLeftOpen(state, mayWriteWaiting(state))) {
+          media.endAll();
+          photo.close();
+          store.update({ panel: "", writing: false });
+        }
+        messages.changed(state);
+        head.changed(state);
+        audience.changed(state);
+      },
       socketOpen: audience.reconnected,
       linkOpening: (/** @type {Peer} */ peer) => media.attachTo(peer),
       poll: (/** @type {number} */ now) => {
@@ -59,15 +68,8 @@ const setUp = (page) => {
         knock.poll(now);
       },
     },
-    render: (/** @type {State} */ before) => {
-      const waits = mayWriteWaiting(before);
-      if (isLeftOpen(before, waits)) {
-        media.endAll();
-        photo.close();
-        store.update({ panel: "", writing: false });
-      }
-      const state = store.get();
-      showBar(element, state, waits);
+    render: (/** @type {State} */ state) => {
+      showBar(element, state, mayWriteWaiting(state));
       renders.forEach((render) => render(state));
       photo.render(state);
     },
@@ -130,22 +132,22 @@ const newAudience = (page) => {
    *   somebody watches
    */
   let panel = null;
-  const render = (/** @type {State} */ state) => {
-    if (!panel && state.audience?.open && state.room.observers) {
-      fetchPanel((it) => {
-        panel = it;
-        render(page.store.get());
-      });
-    }
-    panel?.render(state);
-  };
   return {
     handlers: {
       audience: (/** @type {any} */ audience) => page.store.update({ audience }),
       denied: (/** @type {any} */ message) => panel?.denied(message),
     },
     reconnected: () => panel?.reconnected(),
-    render,
+    changed: (/** @type {State} */ state) => {
+      if (!panel && state.audience?.open && state.room.observers) {
+        fetchPanel((it) => {
+          panel = it;
+          page.store.update({});
+        });
+      }
+      panel?.changed(state);
+    },
+    render: (/** @type {State} */ state) => panel?.render(state),
   };
 };
 

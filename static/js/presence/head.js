@@ -1,6 +1,6 @@
 /** The robot's head on the drive page: its slider and its keys. */
 
-import { isOffered } from "../autonomy/offer.js";
+import { isOffered } from "../protocol/capabilities.js";
 import { ask } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { backToDriving } from "../lib/dom.js";
@@ -19,6 +19,10 @@ const showAngle = (slider, angle, words) => {
     slider.setAttribute("aria-valuetext", said);
   }
 };
+
+/** @param {State} state */
+const rangeOf = (state) =>
+  isOffered(state, "tilt") && state.playing ? state.factsheet.tilt : null;
 
 /** @param {Page} page */
 export const createHead = ({ store, element, driving, words }) => {
@@ -62,12 +66,16 @@ export const createHead = ({ store, element, driving, words }) => {
       }
     },
     /** @param {State} state */
+    changed: (state) => {
+      if (!rangeOf(state)) {
+        tilting.letGo(); // no pointer is lifted from a slider that is hidden
+      }
+    },
+    /** @param {State} state */
     render: (state) => {
-      const range = isOffered(state, "tilt") && state.playing ? state.factsheet.tilt : null;
+      const range = rangeOf(state);
       element("tilt").hidden = !range;
-      if (!range) {
-        tilting.letGo(); // of a slider that is gone no pointer is lifted
-      } else {
+      if (range) {
         Object.assign(slider, {
           min: String(range.minimum),
           max: String(range.maximum),

@@ -80,7 +80,7 @@ export const createKnock = ({ store, driving, element, words }) => {
       if (action?.status === "ASKED") {
         const next = pass(action, now);
         action = next.action;
-        if (next.send) {
+        if (next.send && action) {
           driving.sendAction(action);
         }
       }

@@ -3,7 +3,7 @@
  * itself is conversation.js, fetched when it is needed.
  */
 
-import { isOffered, mayWriteWaiting } from "../autonomy/offer.js";
+import { isOffered, mayWriteWaiting } from "../protocol/capabilities.js";
 import { ask } from "../protocol/robot_action.js";
 import { unixNow } from "../lib/clock.js";
 import { backToDriving, setPressed, write } from "../lib/dom.js";
@@ -56,20 +56,21 @@ export const createMessages = (page) => {
     answered: (/** @type {any} */ status) => fetched()?.answered(status),
     confirmed: (/** @type {any} */ receipt) => fetched()?.confirmed(receipt),
     poll,
-    /** @param {State} state */
-    render: (state) => {
+    changed: (/** @type {State} */ state) => {
       if (state.visit.session && state.visit.session !== session) {
         session = state.visit.session;
         fetched()?.clear();
       }
-      const offered = isOffered(state, "say") || mayWriteWaiting(state);
-      if (!offered && state.panel === "talk") {
+      if (state.panel === "talk" && !mayTalk(state)) {
         store.update({ panel: "", writing: false });
       }
-      renderPanels(page, store.get(), offered);
     },
+    render: (/** @type {State} */ state) => renderPanels(page, state),
   };
 };
+
+/** @param {State} state */
+const mayTalk = (state) => isOffered(state, "say") || mayWriteWaiting(state);
 
 /** The conversation, fetched once there is something to tell it. @param {Page} page */
 const newConversation = (page) => {
@@ -98,10 +99,11 @@ const newConversation = (page) => {
   };
 };
 
-/** @param {Page} page @param {State} state @param {boolean} offered */
-const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
+/** @param {Page} page @param {State} state */
+const renderPanels = ({ element }, state) => {
+  const { panel, writing, unread } = state;
   const writes = writing && panel === "talk";
-  element("presence-talk").hidden = !offered;
+  element("presence-talk").hidden = !mayTalk(state);
   element("talk").hidden =
     panel !== "talk" || (!writes && element("talk-list").childElementCount === 0);
   element("talk").toggleAttribute("data-holds-keys", writes);

@@ -1,8 +1,10 @@
 /**
- * What a study leaves to the visitor: what it fixes is not offered. Pure. The terms of the visit
- * come with the grant; until then what the page was told about the study holds
- * (experiments/participation/drive_config.py). Without a study everything is open.
+ * What this visitor may ask the robot for: what it can do, without what a study fixes. Pure. The
+ * terms of the session arrive with the grant; until then the page's configuration of the study
+ * applies (experiments/participation/drive_config.py). Without a study everything is open.
  */
+
+import { roleOf } from "./session.js";
 
 /** What may steer, null when everything may. @param {State} state @returns {string[] | null} */
 export const controllersOf = ({ visit, study }) => (visit.terms ?? study)?.controllers ?? null;
@@ -25,3 +27,34 @@ export const maySend = ({ study }, by) => study?.ownActions.includes(by) ?? true
 
 /** Whether somebody else has chosen how much the robot helps. @param {State} state */
 export const isAssistFixed = ({ visit, study }) => Boolean((visit.terms ?? study)?.assist);
+
+/**
+ * Whether who waits may write to the people beside the robot: the first in the queue of one whose
+ * emergency stop is on, where a display shows it (sessions/consumers/waiting_chat.py). A
+ * participant of a study may not.
+ * @param {State} state
+ */
+export const mayWriteWaiting = ({ visit, robot, study, factsheet }) =>
+  visit.phase === "queued" &&
+  visit.place === 1 &&
+  visit.pause === "paused: estop" &&
+  !study &&
+  (robot?.screens ?? 0) > 0 &&
+  Boolean(factsheet?.capabilities?.includes("say"));
+
+/**
+ * Whether the robot says it can do something, and the visitor may ask for it.
+ * @param {State} state @param {string} capability
+ */
+export const can = (state, capability) =>
+  Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
+
+/**
+ * Whether it is offered to this visitor now: only who drives can ask for it.
+ * @param {State} state @param {string} capability
+ */
+export const isOffered = (state, capability) =>
+  roleOf(state.visit) === "driver" && can(state, capability);
+
+/** Whether the robot has levels of assistance to choose from. @param {any} factsheet */
+export const offersAssist = (factsheet) => Boolean(factsheet?.capabilities?.includes("assist"));

@@ -12,7 +12,7 @@
  */
 
 import { isPassing } from "./denials.js";
-import { areCredentialsOld } from "./relay_credentials.js";
+import { areCredentialsOld } from "./link_health.js";
 
 /**
  * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"

@@ -3,11 +3,13 @@
  * robots/presence/report.py says it to lists and the queue, and what it is like now. Pure.
  */
 
-import { reports } from "../autonomy/reasons.js";
-
 const STALE_SECONDS = 4; // robots speak at least once a second to a page that is open
 
 const THERE = new Set(["screen", "button"]);
+
+/** @param {any} robot its state @param {string} code of an error @returns {boolean} */
+export const reports = (robot, code) =>
+  Boolean(robot?.errors?.some((/** @type {string} */ error) => error.startsWith(`${code}: `)));
 
 /**
  * @param {any} robot its last state, null before one came

@@ -18,11 +18,12 @@ const AGAIN = 2000; // ms until a part of the page that did not arrive is fetche
 /** @param {Page} page */
 const setUp = (page) => {
   const { store, config, connection } = page;
-  const recorder = createRecorder({ get: store.get, report: connection.report, now: unixNow });
-  /** @type {(state: State) => void} */
-  let showPanels = () => undefined;
+  const { report } = connection;
+  const recorder = createRecorder({ get: store.get, report, now: unixNow, hud: page.hud });
+  /** @type {ReturnType<typeof import("./panels.js").createStudyPanels> | null} */
+  let panels = null;
   if (config.study) {
-    fetchPanels(page, (show) => (showPanels = show));
+    fetchPanels(page, (fetched) => (panels = fetched));
   }
 
   /** @param {import("./photo.js").Answer} answer */
@@ -41,6 +42,10 @@ const setUp = (page) => {
     handlers: newHandlers(store),
     actions,
     on: {
+      changed: (/** @type {State} */ state) => {
+        recorder.show(state);
+        panels?.changed(state);
+      },
       steered: (/** @type {Intent} */ { linear, angular, method }) => {
         if (linear !== 0 || angular !== 0) {
           recorder.steered(method);
@@ -61,14 +66,14 @@ const setUp = (page) => {
         watchEnd(store, actions, now);
       },
     },
-    render: (/** @type {State} */ state) => {
-      recorder.show(state);
-      showPanels(state);
-    },
+    render: (/** @type {State} */ state) => panels?.render(state),
   };
 };
 
-/** @param {Page} page @param {(show: (state: any) => void) => void} use */
+/**
+ * @param {Page} page
+ * @param {(panels: ReturnType<typeof import("./panels.js").createStudyPanels>) => void} use
+ */
 const fetchPanels = ({ store, config, words, element, map, act }, use) => {
   const panels = lazy(() => import("./panels.js"));
   const begin = () =>

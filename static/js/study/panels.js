@@ -19,13 +19,14 @@ import { createDirectionArrow } from "./direction_arrow.js";
  * @param {string} page.snapshots where the photos are listed
  * @param {Words} page.words @param {GetElement} page.element
  * @param {import("../view/map/robot_map.js").RobotMap} page.map
- * @param {(action: string) => void} page.act @returns {(state: State) => void}
+ * @param {(action: string) => void} page.act
  */
 export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
   const announcerQueue = new AnnouncerQueue();
-  const shows = [
+  const photo = createPhotoWindow(element, words, { list: snapshots, act });
+  const renders = [
     createPanel(element, words),
-    createPhotoWindow(element, words, { list: snapshots, act }),
+    photo.render,
     createDirectionArrow(element, words, () => map.pose, document.documentElement.lang),
   ];
   let drawn = "";
@@ -45,14 +46,15 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
     }
   };
 
-  return (state) => {
-    shows.forEach((show) => show(state));
+  const render = (/** @type {State} */ state) => {
+    renders.forEach((one) => one(state));
     showCourse(state);
     write(
       element("task-said"),
       announcerQueue.hear(spoken(state, words), unixNow()) ?? announcerQueue.said,
     );
   };
+  return { changed: photo.changed, render };
 };
 
 /** What is read out. @param {State} state @param {Words} words @returns {string} */

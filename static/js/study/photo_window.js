@@ -6,7 +6,7 @@ import { Snapshots } from "./snapshots.js";
 
 /**
  * @param {GetElement} element @param {Words} words
- * @param {{list: string, act: (action: string) => void}} options @returns {(state: State) => void}
+ * @param {{list: string, act: (action: string) => void}} options
  */
 export const createPhotoWindow = (element, words, { list, act }) => {
   const panel = element("photo");
@@ -28,7 +28,8 @@ export const createPhotoWindow = (element, words, { list, act }) => {
   }
   let shown = "";
 
-  return (state) => {
+  const changed = (/** @type {State} */ state) => snapshots.want(windowFor(state)?.photo ?? "");
+  const render = (/** @type {State} */ state) => {
     const what = windowFor(state);
     panel.hidden = what === null;
     panel.dataset.mode = what?.mode ?? "";
@@ -38,7 +39,6 @@ export const createPhotoWindow = (element, words, { list, act }) => {
       button.hidden = !(button.dataset.in ?? "").split(" ").includes(what?.mode ?? "");
       button.disabled = what?.busy ?? true;
     }
-    snapshots.want(what?.photo ?? "");
     if (shown !== (what?.photo ?? "")) {
       shown = what?.photo ?? "";
       image.hidden = true;
@@ -46,6 +46,7 @@ export const createPhotoWindow = (element, words, { list, act }) => {
     }
     element("photo-wait").hidden = what?.mode !== "review" || !image.hidden;
   };
+  return { changed, render };
 };
 
 /**

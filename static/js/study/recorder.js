@@ -3,8 +3,6 @@
  * Works with and without a study.
  */
 
-import { alertFor } from "../view/hud/alert.js";
-import { cardFor } from "../view/hud/card.js";
 import { nameOf } from "../view/display/profiles.js";
 import { guideFor } from "./guide.js";
 import { Changes, Shown, layoutOf } from "./page_events.js";
@@ -19,8 +17,9 @@ const PERMISSIONS = ["camera", "microphone"];
  * @param {(type: string, data?: Record<string, string | number | boolean | null>) => boolean}
  *   options.report whether it was handed to the network
  * @param {() => number} options.now Unix seconds
+ * @param {Page["hud"]} options.hud
  */
-export const createRecorder = ({ get, report, now }) => {
+export const createRecorder = ({ get, report, now, hud }) => {
   const [cue, alert, card] = [
     new Shown("cue_shown"),
     new Shown("alert_shown"),
@@ -73,8 +72,8 @@ export const createRecorder = ({ get, report, now }) => {
     if (!isDriving()) {
       return; // who waits or watches has no record
     }
-    write(alert.hear(alertFor(state)?.word ?? "", null, at));
-    write(card.hear(cardFor(state)?.word ?? "", null, at));
+    write(alert.hear(hud.alertFor(state)?.word ?? "", null, at));
+    write(card.hear(hud.cardFor(state)?.word ?? "", null, at));
     write(photo.hear(windowFor(state)?.word ?? "", null, at));
     write(map.hear({ open: state.mapOpen }));
     if (nameOf(state) !== profile) {

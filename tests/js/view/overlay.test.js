@@ -2,12 +2,7 @@ import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
 import { describe, test } from "node:test";
 
-import {
-  Track,
-  along,
-  robotFromMap,
-  mapFromRobot,
-} from "../../../static/js/lib/transforms.js";
+import { Track, along, robotFromMap, mapFromRobot } from "../../../static/js/lib/transforms.js";
 import {
   boxOf,
   depthOf,

@@ -5,9 +5,9 @@
  */
 
 import { createPaint } from "../../lib/colours.js";
+import { mapFromRobot } from "../../lib/transforms.js";
 import { boundsOfSite, drawFloorPlan } from "../../view/map/floor_plan.js";
 import { boundsOf, fit, toScreen } from "../../view/map/transform.js";
-import { compose } from "../../view/map/layers.js";
 import { piecesOf } from "./record.js";
 
 const SHADES = 64; // colours that the time is told with
@@ -172,7 +172,7 @@ export class ReplayMap {
     if (this.footprint.length) {
       context.beginPath();
       this.footprint.forEach((corner) =>
-        context.lineTo(...this.#at(...compose(moment, ...corner))),
+        context.lineTo(...this.#at(...mapFromRobot(moment, corner))),
       );
       context.closePath();
       context.strokeStyle = colour;

@@ -10,7 +10,7 @@ import { ClockSync } from "../../protocol/clock_sync.js";
 import { CommandStream } from "../../protocol/command_stream.js";
 import { Link, isSupported } from "../../protocol/link.js";
 import { Peer } from "../../protocol/peer.js";
-import { areCredentialsOld } from "../../protocol/relay_credentials.js";
+import { areCredentialsOld } from "../../protocol/link_health.js";
 import { Rejection, encodePacket } from "../../protocol/robot_api.js";
 import { Socket } from "../../protocol/socket.js";
 import { TransportRouter } from "../../protocol/transport_router.js";

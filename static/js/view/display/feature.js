@@ -34,11 +34,11 @@ const setUp = (page) => {
     createFullScreenButton(page),
   ];
   return {
-    on: { began: begin },
-    render: (/** @type {State} */ state) => {
-      renders.forEach((render) => render(state));
-      keepAwake(state.visit.phase === "driving");
+    on: {
+      began: begin,
+      changed: (/** @type {State} */ { visit }) => keepAwake(visit.phase === "driving"),
     },
+    render: (/** @type {State} */ state) => renders.forEach((render) => render(state)),
   };
 };
 

@@ -4,8 +4,7 @@
  * by them too. Why a robot that ought to move does not is said in every one.
  */
 
-import { isAssistFixed } from "../../protocol/capabilities.js";
-import { offersAssist } from "../../autonomy/assistance.js";
+import { isAssistFixed, offersAssist } from "../../protocol/capabilities.js";
 
 /**
  * @typedef {object} Profile

@@ -8,10 +8,9 @@ import { isUnsettled } from "../../protocol/denials.js";
 import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
-import { reports } from "../../autonomy/reasons.js";
+import { reports, isAway, isCutOff } from "../../protocol/standstill.js";
 import { profileOf } from "../display/profiles.js";
 import { faultAlert } from "../../protocol/faults.js";
-import { isAway, isCutOff } from "../../protocol/standstill.js";
 
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear

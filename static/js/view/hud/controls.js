@@ -5,8 +5,8 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { isAssistFixed } from "../../protocol/capabilities.js";
-import { assistIn, offersAssist } from "../../autonomy/assistance.js";
+import { isAssistFixed, offersAssist } from "../../protocol/capabilities.js";
+import { assistIn } from "../../autonomy/assistance.js";
 import { write } from "../../lib/dom.js";
 
 /**

@@ -23,7 +23,8 @@ const setUp = ({ words, element, act }) => {
   ];
 
   return {
-    render: (/** @type {any} */ state) => {
+    api: { alertFor, cardFor },
+    render: (/** @type {State} */ state) => {
       const { visit } = state;
       Object.assign(root.dataset, {
         phase: visit.phase,

@@ -4,7 +4,7 @@
  * hold the robot, and a last word when nobody knows.
  */
 
-import { reports } from "../../autonomy/reasons.js";
+import { reports } from "../../protocol/standstill.js";
 
 const PATIENCE = 0.5; // s of input without motion
 const SILENCE = 1; // s without news of the robot

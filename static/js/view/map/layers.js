@@ -3,23 +3,13 @@
  * place, where it is to go, and what the assistance minds. The geometry is pure.
  */
 
+import { mapFromRobot } from "../../lib/transforms.js";
 import { toScreen } from "./transform.js";
 
 /** @typedef {{kind: "goal" | "pose", x: number, y: number, theta: number | null}} Aim */
 
 const SIGMAS = 2;
 const LEAST_ELLIPSE = 4; // CSS pixels; a smaller one lies under the arrow anyway
-
-/**
- * @param {Place} place
- * @param {number} x m, in its frame
- * @param {number} y
- * @returns {Point} m, in the frame that `place` is in
- */
-export const compose = ({ x: px, y: py, theta }, x, y) => [
-  px + x * Math.cos(theta) - y * Math.sin(theta),
-  py + x * Math.sin(theta) + y * Math.cos(theta),
-];
 
 /**
  * The points of a sweep, in the map.
@@ -34,13 +24,13 @@ export const scanPoints = (
   { x, y = 0, theta = 0 },
   pose,
 ) => {
-  const [laserX, laserY] = compose(pose, x, y);
+  const [laserX, laserY] = mapFromRobot(pose, [x, y]);
   const laser = { x: laserX, y: laserY, theta: pose.theta + theta };
   return ranges.flatMap((range, i) => {
     const angle = angleMin + i * angleIncrement;
     return range === null || range >= rangeMax
       ? []
-      : [compose(laser, range * Math.cos(angle), range * Math.sin(angle))];
+      : [mapFromRobot(laser, [range * Math.cos(angle), range * Math.sin(angle)])];
   });
 };
 

@@ -10,15 +10,9 @@
  */
 
 import { createPaint } from "../../lib/colours.js";
+import { mapFromRobot } from "../../lib/transforms.js";
 import { boundsOfSite, drawFloorPlan } from "./floor_plan.js";
-import {
-  compose,
-  drawAim,
-  drawObstacle,
-  drawPoints,
-  drawUncertainty,
-  scanPoints,
-} from "./layers.js";
+import { drawAim, drawObstacle, drawPoints, drawUncertainty, scanPoints } from "./layers.js";
 import { Trail } from "./trail.js";
 import { ALL, moved, viewOf, zoomed } from "./pan_zoom.js";
 import { toScreen, toWorld } from "./transform.js";
@@ -294,7 +288,7 @@ export class RobotMap {
       drawAim(context, this.view, this.aim, paint.path, paint.edge);
     }
     if (this.obstacle && this.pose?.localized) {
-      drawObstacle(context, this.view, compose(this.pose, ...this.obstacle), paint.obstacle);
+      drawObstacle(context, this.view, mapFromRobot(this.pose, this.obstacle), paint.obstacle);
     }
   }
 

@@ -63,6 +63,11 @@ const setUp = (page) => {
     },
     keys: { turn_around: { down: turnAround } },
     on: {
+      changed: (/** @type {State} */ { maneuver }) => {
+        if (maneuver && !press.maneuver.now) {
+          store.update({ maneuver: null });
+        }
+      },
       frameShown: () => canvas.refresh(),
       steered: (/** @type {Intent} */ intent) => {
         const { pressing } = store.get();
@@ -85,12 +90,7 @@ const setUp = (page) => {
         }
       },
     },
-    render: (/** @type {any} */ { maneuver }) => {
-      if (maneuver && !press.maneuver.now) {
-        store.update({ maneuver: null });
-      }
-      canvas.refresh();
-    },
+    render: () => canvas.refresh(),
   };
 };
 

@@ -18,11 +18,13 @@ const setUp = (page) => {
   );
   let wanted = false;
   return {
-    render: (/** @type {State} */ state) => {
-      if (isWanted(state) !== wanted) {
-        wanted = isWanted(state);
-        panel((show) => show(isWanted(store.get())));
-      }
+    on: {
+      changed: (/** @type {State} */ state) => {
+        if (isWanted(state) !== wanted) {
+          wanted = isWanted(state);
+          panel((show) => show(isWanted(store.get())));
+        }
+      },
     },
   };
 };
