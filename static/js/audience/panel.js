@@ -3,7 +3,7 @@
  * robot answers. It takes no key of somebody who drives, and what is new in it takes no focus.
  */
 
-import { backToDriving, write } from "../lib/dom.js";
+import { backToDriving, make, makeButton, write } from "../lib/dom.js";
 import { roleOf } from "../protocol/session.js";
 
 /**
@@ -261,28 +261,19 @@ class QuestionList {
 
   /** @param {Question} question */
   #newRow({ id, text }) {
-    const row = document.createElement("li");
-    row.className = "line";
+    const row = make("li", "line");
     const [who, words, state, buttons] = [
-      "line__who",
-      "line__text",
-      "audience__state",
-      "presence__row",
-    ].map((name) => {
-      const part = document.createElement(name === "presence__row" ? "div" : "span");
-      part.className = name;
-      return part;
-    });
+      make("span", "line__who"),
+      make("span", "line__text", text),
+      make("span", "audience__state"),
+      make("div", "presence__row"),
+    ];
     words.dir = "auto";
-    words.textContent = text;
     row.append(who, " ", words, " ", state, buttons);
     for (const mark of MARKS.waiting) {
-      const button = document.createElement("button");
-      button.type = "button";
-      button.className = "button presence__small";
+      const word = this.words.say(`audience.do.${mark}`);
+      const button = makeButton("button presence__small", word, () => this.mark(id, mark));
       button.dataset.mark = mark;
-      button.textContent = this.words.say(`audience.do.${mark}`);
-      button.addEventListener("click", () => this.mark(id, mark));
       buttons.append(button);
     }
     this.rows.set(id, row);

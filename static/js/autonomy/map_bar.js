@@ -2,7 +2,7 @@
 
 import { roleOf } from "../protocol/session.js";
 import { maySend, can } from "../protocol/capabilities.js";
-import { write } from "../lib/dom.js";
+import { make, write } from "../lib/dom.js";
 import { assistIn } from "./assistance.js";
 import { profileOf } from "../view/display/profiles.js";
 
@@ -99,7 +99,7 @@ export const createMapBar = (element, words, act, keys) => {
         entries.filter((entry) => entry.aside),
         entries.filter((entry) => !entry.aside),
       ];
-      const divider = goals.length && aside.length ? [document.createElement("hr")] : [];
+      const divider = goals.length && aside.length ? [make("hr")] : [];
       menu.replaceChildren(
         ...goals.map((entry) => menuButton(entry, words)),
         ...divider,
@@ -143,13 +143,11 @@ const renderAim = (element, words, state) => {
 
 /** @param {ReturnType<typeof menuFor>[number]} entry @param {Words} words */
 const menuButton = ({ action, title, word, pressed }, words) => {
-  const button = document.createElement("button");
+  const button = make("button", "places__entry", title ?? words.say(word ?? ""));
   button.type = "button";
-  button.className = "places__entry";
   button.dataset.action = action;
   if (pressed !== undefined) {
     button.setAttribute("aria-pressed", String(pressed));
   }
-  write(button, title ?? words.say(word ?? ""));
   return button;
 };

@@ -5,7 +5,7 @@
  */
 
 import { unixNow } from "../lib/clock.js";
-import { backToDriving, write } from "../lib/dom.js";
+import { backToDriving, make, makeButton, write } from "../lib/dom.js";
 import { lineFor, newDelivery, onAnswer, onReceipt, onTime, onWords, retry } from "./delivery.js";
 import { lineOf } from "./message_line.js";
 
@@ -101,13 +101,9 @@ export class Conversation {
    * @param {string} id @returns {HTMLElement}
    */
   #stateOf(id) {
-    const state = document.createElement("span");
-    state.className = "line__state";
-    const again = document.createElement("button");
-    again.type = "button";
-    again.className = "button presence__small line__again";
-    again.textContent = this.page.words.say("said.again");
-    again.addEventListener("click", () => {
+    const state = make("span", "line__state");
+    const word = this.page.words.say("said.again");
+    const again = makeButton("button presence__small line__again", word, () => {
       this.#change(id, (delivery) => retry(delivery, unixNow()));
       const entry = this.own.get(id);
       if (entry) {
@@ -115,7 +111,7 @@ export class Conversation {
       }
       backToDriving(this.page.element);
     });
-    state.append(document.createElement("span"), again);
+    state.append(make("span"), again);
     return state;
   }
 

@@ -4,7 +4,7 @@
  */
 
 import { clockTime } from "../view/map/dials.js";
-import { write } from "../lib/dom.js";
+import { make, write } from "../lib/dom.js";
 import { maySteer } from "../protocol/capabilities.js";
 import { guideFor } from "./guide.js";
 
@@ -90,18 +90,13 @@ const noteOf = (state, words) => {
 
 /** @param {import("./guide.js").Stop} stop @param {Words} words */
 const stopItem = ({ number, title, status }, words) => {
-  const item = document.createElement("li");
-  item.className = "task__stop";
+  const item = make("li", "task__stop");
   item.dataset.status = status;
   item.title = title;
-  const sign = document.createElement("span");
+  const mark = status === "passed" ? "✓" : number === 0 ? "ϟ" : String(number);
+  const sign = make("span", "", mark);
   sign.setAttribute("aria-hidden", "true");
-  sign.textContent = status === "passed" ? "✓" : number === 0 ? "ϟ" : String(number);
-  const said = document.createElement("span");
-  said.className = "visually-hidden";
-  said.textContent = words.say(`stop.${number === 0 ? "station" : "checkpoint"}.${status}`, {
-    number,
-  });
-  item.append(sign, said);
+  const word = `stop.${number === 0 ? "station" : "checkpoint"}.${status}`;
+  item.append(sign, make("span", "visually-hidden", words.say(word, { number })));
   return item;
 };

@@ -1,18 +1,11 @@
 /** Events and photos in order, each a button that leads to its moment. */
 
+import { make, makeButton } from "../../lib/dom.js";
 import { lastBefore } from "./record.js";
 import { written } from "./timeline.js";
 
 /** @param {string} type @returns {string} */
 const plain = (type) => type.replaceAll("_", " ");
-
-/** @param {string} tag @param {string} name @param {string} [text] */
-const make = (tag, name, text = "") => {
-  const made = document.createElement(tag);
-  made.className = name;
-  made.textContent = text;
-  return made;
-};
 
 /** @typedef {{t: number, source: string, type: string, detail: string, photo: string}} Entry */
 
@@ -62,8 +55,7 @@ const reveal = (list, row) => {
 const rowOf = ({ t, source, type, detail, photo }, words, go) => {
   const row = make("li", "replay-event");
   row.dataset.source = source;
-  const button = make("button", "replay-event__button");
-  button.setAttribute("type", "button");
+  const button = makeButton("replay-event__button", "", () => go(t));
   const name = words.has(`event.${type}`) ? words.say(`event.${type}`) : plain(type);
   button.append(
     make("span", "replay-event__time numbers", written(t, true)),
@@ -74,16 +66,9 @@ const rowOf = ({ t, source, type, detail, photo }, words, go) => {
     button.append(make("span", "replay-event__detail", plain(detail)));
   }
   if (photo) {
-    const picture = document.createElement("img");
-    Object.assign(picture, {
-      src: photo,
-      alt: name,
-      loading: "lazy",
-      className: "replay-event__photo",
-    });
-    button.append(picture);
+    const picture = make("img", "replay-event__photo");
+    button.append(Object.assign(picture, { src: photo, alt: name, loading: "lazy" }));
   }
-  button.addEventListener("click", () => go(t));
   row.append(button);
   return row;
 };

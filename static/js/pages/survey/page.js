@@ -4,6 +4,7 @@
  * rest.
  */
 
+import { freshId } from "../../lib/ids.js";
 import { createAttention } from "./attention.js";
 import { shownKeys } from "./conditions.js";
 import { createSaver } from "./saver.js";
@@ -20,9 +21,7 @@ const questions = /** @type {HTMLFieldSetElement[]} */ ([
 ]);
 const byKey = new Map(questions.map((question) => [question.dataset.question ?? "", question]));
 const attention = createAttention(() => performance.now() / 1000);
-const writer = Array.from(crypto.getRandomValues(new Uint8Array(8)), (byte) =>
-  byte.toString(16).padStart(2, "0"),
-).join("");
+const writer = freshId();
 let writing = 0;
 
 /**

@@ -2,7 +2,7 @@
  * Shows a card. It is no modal dialog: those would lie over the stop button and take its clicks.
  */
 
-import { backToDriving, write } from "../../lib/dom.js";
+import { backToDriving, make, write } from "../../lib/dom.js";
 
 export class CardPanel {
   /**
@@ -97,10 +97,8 @@ export class CardPanel {
     this.instead.replaceChildren(
       this.words.say("instead"),
       ...robots.map(({ action, url }) => {
-        const link = document.createElement("a");
-        link.className = "button";
+        const link = make("a", "button", action);
         link.href = url;
-        link.textContent = action;
         return link;
       }),
     );
