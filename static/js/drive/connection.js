@@ -17,7 +17,7 @@ import { roleOf } from "../protocol/session.js";
 import { SfuPeer } from "../protocol/sfu_peer.js";
 import { Socket } from "../protocol/socket.js";
 import { TransportRouter } from "../protocol/transport_router.js";
-import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../protocol/faults.js";
+import { SERVER_SILENCE, shownFaults } from "../protocol/faults.js";
 
 // the first ones are slow while the connection is made, and would raise an alarm
 const ROUND_TRIPS = 5;
@@ -122,15 +122,11 @@ const newReceiver = (page, reject) => (packet, transport) => {
 const poll = ({ store, video, connection }, now) => {
   const { router, clockSync, socket } = connection;
   const { visit } = store.get();
-  const silence = socket.silence(now);
+  const silence = roleOf(visit) ? socket.watch(now) : socket.silence(now);
   if (visit.phase === "driving") {
     router.beat(now, video.frameAge(now));
   }
   router.tellDirect(now);
-  // A WebSocket may die without a word, and so may the process at its other end.
-  if (roleOf(visit) && silence > SOCKET_SILENCE) {
-    socket.redial();
-  }
   const transport = router.transport(now);
   return {
     transport,

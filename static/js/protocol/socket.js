@@ -7,6 +7,7 @@ import { backoff } from "../lib/backoff.js";
 import { unixNow } from "../lib/clock.js";
 
 const MOST_BUFFERED = 64 * 1024;
+const MOST_SILENCE = 3; // s; an open WebSocket brings a packet every second
 
 export class Socket {
   /**
@@ -53,6 +54,19 @@ export class Socket {
     this.socket = null;
     dead.close();
     this.#lost(1006);
+  }
+
+  /**
+   * Dial again when an open connection has been silent for too long: it may die without an event,
+   * and so may the process at its other end.
+   * @param {number} now Unix time @returns {number} s of silence before
+   */
+  watch(now) {
+    const silence = this.silence(now);
+    if (silence > MOST_SILENCE) {
+      this.redial();
+    }
+    return silence;
   }
 
   get isOpen() {

@@ -5,6 +5,7 @@
 
 import { roleOf } from "../protocol/session.js";
 import { write } from "../lib/dom.js";
+import { wrap } from "../lib/transforms.js";
 import { targetOf } from "./guide.js";
 
 const USUAL_VIEW = 1.0; // rad, for a robot that does not say what its camera sees
@@ -24,8 +25,7 @@ const EDGE = 0.92; // of half a picture: nearer to its edge the arrow points asi
  */
 export const pointTo = (pose, target, hfov) => {
   const [dx, dy] = [target.x - pose.x, target.y - pose.y];
-  const turn = Math.atan2(dy, dx) - pose.theta;
-  const bearing = Math.atan2(Math.sin(turn), Math.cos(turn));
+  const bearing = wrap(Math.atan2(dy, dx) - pose.theta);
   const share =
     Math.abs(bearing) < Math.PI / 2
       ? -Math.tan(bearing) / Math.tan(hfov / 2)

@@ -3,9 +3,8 @@
  * on the map, and what is read out of them. Fetched by pages of studies alone.
  */
 
-import { clockTime } from "../view/map/dials.js";
 import { write } from "../lib/dom.js";
-import { unixNow } from "../lib/clock.js";
+import { clockTime, unixNow } from "../lib/clock.js";
 import { guideFor } from "./guide.js";
 import { AnnouncerQueue, roundLeft } from "./announcer_queue.js";
 import { drawGround, drawStops, marksFor } from "./course.js";

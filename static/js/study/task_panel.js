@@ -3,7 +3,7 @@
  * that opens.
  */
 
-import { clockTime } from "../view/map/dials.js";
+import { clockTime } from "../lib/clock.js";
 import { make, write } from "../lib/dom.js";
 import { maySteer } from "../protocol/capabilities.js";
 import { guideFor } from "./guide.js";

@@ -72,6 +72,7 @@ const drawGround = (context, map, trail) => {
   ground.trail.pieces = trail;
   ground.show(/** @type {FloorPlan} */ (map.site), map.image);
   context.drawImage(canvas, MARGIN, HEAD, WIDTH - 2 * MARGIN, MAP_HEIGHT);
+  ground.release();
   canvas.remove();
 };
 

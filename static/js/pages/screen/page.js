@@ -13,7 +13,7 @@ import { readWords } from "../../lib/words.js";
 import { Devices } from "../../presence/devices.js";
 import { RemotePointers } from "../../presence/remote_pointers.js";
 import { lineOf } from "../../presence/message_line.js";
-import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../protocol/faults.js";
+import { SERVER_SILENCE, shownFaults } from "../../protocol/faults.js";
 import { isRefusal, newRelease } from "../../protocol/estop_release.js";
 import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
 import { MediaSender } from "./media_sender.js";
@@ -464,10 +464,7 @@ const tick = () => {
   link.watch(now);
   repeatStop();
   receipts.tick(now);
-  const silence = socket.silence(now);
-  if (silence > SOCKET_SILENCE) {
-    socket.redial();
-  }
+  const silence = socket.watch(now);
   if (told.release || told.askedAt || silence > SERVER_SILENCE) {
     show(); // the time for an answer runs
   }

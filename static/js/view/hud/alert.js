@@ -3,6 +3,7 @@
  * readings.js shows it.
  */
 
+import { clockTime } from "../../lib/clock.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { isUnsettled } from "../../protocol/denials.js";
 import { roleOf } from "../../protocol/session.js";
@@ -256,12 +257,8 @@ const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => 
   // A task says itself how much time is left, and so does the page that waits around a practice
   // robot's.
   if (visit.turnEnds !== null && (told?.endsAt ?? null) === null && !practising) {
-    const left = Math.max(0, Math.ceil(visit.turnEnds - now));
-    return {
-      word: "alert.turn_ends",
-      tone: "busy",
-      values: { time: `${Math.floor(left / 60)}:${String(left % 60).padStart(2, "0")}` },
-    };
+    const time = clockTime(Math.max(0, Math.ceil(visit.turnEnds - now)));
+    return { word: "alert.turn_ends", tone: "busy", values: { time } };
   }
   if (notice) {
     return { word: "alert.notice", tone: "calm", values: { text: notice } };

@@ -2,6 +2,7 @@
  * Beside the map: which room, how fast, how far and for how long. Pure readings and their elements.
  */
 
+import { clockTime } from "../../lib/clock.js";
 import { write } from "../../lib/dom.js";
 import { knownNow } from "../../protocol/standstill.js";
 
@@ -29,10 +30,6 @@ export const roomAt = (plan, pose) =>
     plan?.rooms?.find((/** @type {any} */ room) => contains(room.polygon, pose.x, pose.y))
       ?.title) ||
   "";
-
-/** @param {number} seconds @returns {string} */
-export const clockTime = (seconds) =>
-  `${Math.floor(seconds / 60)}:${String(Math.floor(seconds % 60)).padStart(2, "0")}`;
 
 /**
  * @param {GetElement} element

@@ -72,7 +72,9 @@ export class RobotMap {
     this.drawn = ""; // the view that the still part was drawn for
     this.still = document.createElement("canvas");
     this.dirty = false;
-    new ResizeObserver(() => this.#resize()).observe(canvas);
+    this.released = new AbortController();
+    this.observer = new ResizeObserver(() => this.#resize());
+    this.observer.observe(canvas);
     this.#watchDensity();
   }
 
@@ -206,8 +208,14 @@ export class RobotMap {
         this.#resize();
         this.#watchDensity();
       },
-      { once: true },
+      { once: true, signal: this.released.signal },
     );
+  }
+
+  /** Stop following the size of the canvas and the density of the screen. */
+  release() {
+    this.released.abort();
+    this.observer.disconnect();
   }
 
   /** Asked for here alone: to ask with every frame would have the browser lay out the page. */
