@@ -1,6 +1,6 @@
 /**
- * The panel of hands and questions: who watches raises a hand and asks, who drives or operates the
- * robot answers. It takes no key of somebody who drives, and what is new in it takes no focus.
+ * The panel of hands and questions: viewers raise hands and ask, the driver or operator
+ * answers. It takes no keys from the driver, and new entries take no focus.
  */
 
 import { backToDriving, make, makeButton, write } from "../lib/dom.js";
@@ -39,7 +39,7 @@ export const isOffered = ({ visit, audience, room }) => {
 };
 
 /**
- * How much waits for whoever moderates.
+ * Number of hands and questions that wait for the moderator.
  * @param {{moderates: boolean, hands: number, questions: Question[]}} audience
  */
 export const countOf = ({ moderates, hands, questions }) =>

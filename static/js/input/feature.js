@@ -96,8 +96,7 @@ const setUpOwnKeys = (page) => {
 };
 
 /**
- * Nobody drives by video that is not there: what the page says then, that the robot has stopped, is
- * true.
+ * Without video the robot stops: the page tells the driver that it has.
  * @param {Store} store @param {(isAsked: boolean) => void} halt
  */
 const newStandStill = (store, halt) => () => {

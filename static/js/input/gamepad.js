@@ -47,7 +47,7 @@ export class Gamepads {
     this.index = null;
     this.running = false;
     this.still = true;
-    /** a stick that was held when the page let go counts again once it has been let go */
+    /** false until a stick that was held when input was released is at rest */
     this.armed = false;
     /** @type {Set<number>} */
     this.down = new Set();

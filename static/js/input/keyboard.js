@@ -93,7 +93,7 @@ export class Keyboard {
         this.barred();
         return;
       }
-      // The browser's own repetition of a key that was let go by us must not take it up again.
+      // A key that was released by the page must not count again by the browser's repetition.
       if (!event.repeat && !this.held.has(event.code)) {
         this.held.set(event.code, command);
         this.at = this.now();

@@ -85,7 +85,7 @@ export class Pointing {
     this.letGo();
   }
 
-  /** Time goes by under the hand. */
+  /** Detects a press that is held; call it often. */
   tick() {
     const { pressed } = this;
     if (pressed && (pressed.held || this.now() - pressed.at > 1000 * HOLD_SECONDS)) {

@@ -125,7 +125,7 @@ export class Steering {
   /** @param {string} method @param {{ahead: number, left: number}} shares */
   steer(method, shares) {
     const moves = shares.ahead !== 0 || shares.left !== 0;
-    // One that is still held but lost to a newer one takes nothing from anybody.
+    // A controller that is held but superseded interrupts no other.
     if (moves && !this.arbiter.outdone.has(method)) {
       this.known.forEach((one) => one.outdone?.());
     }

@@ -21,7 +21,7 @@ export const createWords = (sentences, language, always = {}) => {
     );
   };
 
-  /** What somebody is called here. @param {any} name as it was sent: accounts/models.py */
+  /** The name of a person on this page. @param {any} name as it was sent: accounts/models.py */
   const nameOf = (name) => sentences.get(`name.${name}`) ?? name;
 
   return { say, nameOf, has: (/** @type {string} */ key) => sentences.has(key) };

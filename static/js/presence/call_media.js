@@ -148,7 +148,7 @@ export class CallMedia {
     this.page.connection.report(kind === "audio" ? "microphone" : "camera", { on: false, why: "" });
   }
 
-  /** Show them a screen, a window or a tab. Whoever would rather not leaves things as they are. */
+  /** Show them a screen, a window or a tab. Cancelling changes nothing. */
   async #share() {
     if (!(await this.devices.share())) {
       return;

@@ -1,5 +1,5 @@
 /**
- * Knocking at the robot, so that somebody there comes to its screen. Fetched with the first knock.
+ * Knocking at the robot, so that a person there comes to its screen. Fetched with the first knock.
  * What becomes of it is read in the robot's state; the line about it goes away when it was read.
  */
 

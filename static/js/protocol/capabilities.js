@@ -25,13 +25,13 @@ export const mayAsk = ({ visit, study }, type) =>
  */
 export const maySend = ({ study }, by) => study?.ownActions.includes(by) ?? true;
 
-/** Whether somebody else has chosen how much the robot helps. @param {State} state */
+/** Whether a study fixes the level of assistance. @param {State} state */
 export const isAssistFixed = ({ visit, study }) => Boolean((visit.terms ?? study)?.assist);
 
 /**
- * Whether who waits may write to the people beside the robot: the first in the queue of one whose
- * emergency stop is on, where a display shows it (sessions/consumers/waiting_chat.py). A
- * participant of a study may not.
+ * Whether a waiting visitor may write to the people beside the robot: the first in the queue of a
+ * robot whose emergency stop is on and that has a display (sessions/consumers/waiting_chat.py).
+ * A participant of a study may not.
  * @param {State} state
  */
 export const mayWriteWaiting = ({ visit, robot, study, factsheet }) =>
@@ -50,7 +50,7 @@ export const can = (state, capability) =>
   Boolean(state.factsheet?.capabilities?.includes(capability)) && mayAsk(state, capability);
 
 /**
- * Whether it is offered to this visitor now: only who drives can ask for it.
+ * Whether it is offered to this visitor now: only the driver can ask for it.
  * @param {State} state @param {string} capability
  */
 export const isOffered = (state, capability) =>

@@ -41,7 +41,7 @@ export class AgeTrend {
 
 const newTransport = () => ({
   beats: 0,
-  heardAt: -Infinity, // when the robot was last heard on this transport
+  heardAt: -Infinity, // when the last heartbeat of the robot arrived on this transport
   echoedAt: -Infinity, // when the robot last proved that it hears us on this transport
   echoed: -1, // the newest of our beats that it proved it with
   roundTrips: /** @type {number[]} */ ([]),
@@ -56,7 +56,7 @@ export class ClockSync {
     this.samples = [];
   }
 
-  /** A new data channel has heard nothing yet. @param {Transport} transport */
+  /** Forget what arrived: the data channel is a new one. @param {Transport} transport */
   reset(transport) {
     this.transports[transport] = {
       ...newTransport(),
@@ -145,7 +145,7 @@ export class ClockSync {
   }
 
   /**
-   * Seconds since the robot was heard on a transport.
+   * Seconds since the last heartbeat of the robot on a transport.
    * @param {Transport} transport @param {number} now
    */
   silence(transport, now) {

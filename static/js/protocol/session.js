@@ -240,7 +240,7 @@ const HANDLERS = {
     },
   ],
 
-  /** Nobody has the robot any more: nor has another page of the visitor's. */
+  /** The robot has no driver any more, nor has another page of the visitor's. */
   freed: ({ phase }) => [
     {
       liveElsewhere: false,
@@ -297,7 +297,7 @@ const HANDLERS = {
       startBy: null,
       returning: false,
     };
-    // Whoever waits may watch meanwhile.
+    // A waiting visitor may watch.
     const first = [
       ...LET_GO,
       { type: "remember", session: message.session },
@@ -312,9 +312,9 @@ const HANDLERS = {
     const turn = { session: message.session, startBy: now + message.seconds };
     const known = visit.session === message.session;
     if (!(waits(visit) || visit.phase === "taking") || (visit.session && !known)) {
-      return [{}]; // driven or given up meanwhile, or another page's
+      return [{}]; // no longer waiting, or an offer to another page
     }
-    // The server says it again when it cannot know whether it was heard.
+    // The server repeats an offer that it cannot know to have arrived.
     if (known && visit.phase !== "queued") {
       return [turn];
     }
@@ -510,7 +510,7 @@ export const isSigning = ({ phase, signingUntil }, now) =>
   phase === "driving" && signingUntil !== null && now < signingUntil;
 
 /**
- * What the page is to the robot: whoever waits watches, if the server lets them.
+ * What the page is to the robot: a waiting visitor watches, if the server allows it.
  * @param {Visit} visit @returns {"driver" | "observer" | ""}
  */
 export const roleOf = ({ phase, link }) => {

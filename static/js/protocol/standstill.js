@@ -1,6 +1,6 @@
 /**
- * What the robot's last state still tells: why nobody can drive one that is connected, as
- * robots/presence/report.py says it to lists and the queue, and what it is like now. Pure.
+ * What the robot's last state still tells: why a connected robot cannot be driven, as
+ * robots/presence/report.py has it for lists and the queue, and its present state. Pure.
  */
 
 const STALE_SECONDS = 4; // robots speak at least once a second to a page that is open
@@ -14,7 +14,7 @@ export const reports = (robot, code) =>
 /**
  * @param {any} robot its last state, null before one came
  * @returns {"" | "runs_on" | "estop_there" | "estop" | "not_connected" | "fault"} `runs_on`: it
- *   moves although it should stand still, a fault to the server; `estop_there`: somebody at the
+ *   moves although it should stand still, a fault to the server; `estop_there`: a person at the
  *   robot pressed it
  */
 export const standstillOf = (robot) => {
@@ -44,6 +44,6 @@ export const isCutOff = ({ visit, serverSilent }) =>
 /**
  * Its last state, while that is of the present: a robot that has gone has no speed any more.
  * @param {State} state
- * @returns {any} null when it has not been heard of for some seconds
+ * @returns {any} null without a state for some seconds
  */
 export const knownNow = ({ robot, robotAt, now }) => (now - robotAt > STALE_SECONDS ? null : robot);

@@ -23,7 +23,7 @@ export class TransportRouter {
     this.link = link;
     this.clockSync = clockSync;
     this.commands = commands;
-    /** What the server was told last; every new connection to it begins anew. */
+    /** The last `page/direct` that was sent on this connection to the server. */
     this.direct = false;
     /** The one transport on which the robot accepts commands, if it is fixed. Stops use both. */
     this.only = /** @type {"any" | Transport} */ ("any");

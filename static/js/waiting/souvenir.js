@@ -1,6 +1,6 @@
 /**
  * A picture to keep of a visit that is over: the map with the path that was driven, how far and how
- * long, and the visitor's own photos. Drawn in the browser, for nobody else.
+ * long, and the visitor's own photos. Drawn in the browser and not uploaded.
  */
 
 import { RobotMap } from "../view/map/robot_map.js";

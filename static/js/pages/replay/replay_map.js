@@ -1,7 +1,7 @@
 /**
  * The path on the floor plan, coloured by time, and the robot's outline where it was. The still
  * part is drawn once a size into a picture of its own. data-marker-x, -y and -t on the canvas tell
- * where the robot was drawn, for whoever wants to check.
+ * where the robot was drawn, for tests.
  */
 
 import { createPaint } from "../../lib/colours.js";

@@ -24,7 +24,7 @@ import { sceneFor, titleOf, troubleOf } from "./scene.js";
 import { createVoice } from "./speech.js";
 
 const TICK = 0.1; // s
-const BEAT = 2; // s; tells the robot that this display lives while nobody speaks
+const BEAT = 2; // s; a sign of life of this display to the robot
 const RELOAD_AFTER = 3000; // ms
 const NOT_ALLOWED = 4403;
 const MOST_LINES = 30;

@@ -7,7 +7,7 @@
 import { freshId } from "../../lib/ids.js";
 
 const AGAIN = 2; // s between two tries
-const PATIENCE = 60; // s; after that nobody waits for it any more
+const PATIENCE = 60; // s; after that it is of no use
 
 /** @typedef {"shown" | "spoken" | "not_spoken"} WordsState */
 

@@ -30,7 +30,7 @@ const FIRST = "standard";
 const known = (name) => (Object.hasOwn(PROFILES, name) ? name : FIRST);
 
 /**
- * What somebody else has decided, null when nobody has.
+ * The profile that the owner or a study fixes, null without one.
  * @param {State} state @returns {string | null}
  */
 export const fixedProfile = ({ visit, study }) => (visit.terms ?? study)?.interface || null;
@@ -48,7 +48,7 @@ export const profileOf = (state) => PROFILES[nameOf(state)];
 /**
  * What a drive begins with. One that only goes on keeps the assistance that the server knows of it.
  * @param {State} state
- * @param {boolean} again whether it goes on after the page was loaded anew
+ * @param {boolean} again whether the drive continues after a reload
  * @returns {{step: number, assist: string | null}} assist null leaves it as it is
  */
 export const beginningOf = (state, again) => {

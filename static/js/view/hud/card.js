@@ -23,7 +23,7 @@ import { isAway, isCutOff, standstillOf } from "../../protocol/standstill.js";
  * @property {boolean} [busy] something is under way
  * @property {{action: string, word: string}} [main]
  * @property {{action: string, word: string}} [other]
- * @property {{action: string, word: string}} [extra] something that one may do meanwhile
+ * @property {{action: string, word: string}} [extra] something to do while waiting
  * @property {FreeRobot[]} [instead] robots that can be driven at once
  * @property {number} [countdown] seconds
  * @property {boolean} [quiet] no button has the focus: a key that was meant for something else must
@@ -34,7 +34,7 @@ const HOME = { action: "home", word: "do.home" };
 const AGAIN = { action: "drive", word: "do.again" };
 const PRIVATE = { word: "private" };
 const BACK = { action: "back", word: "do.back" };
-/** A simulated robot is ended when nobody is at it: only asking for one makes one ready again. */
+/** A simulated robot ends without users: only a new request starts one. */
 const PRACTISE_AGAIN = { action: "practise_again", word: "do.back" };
 const TAKE_OVER = { action: "ask_to_take_over", word: "do.take_over" };
 const GO_SLOW = { action: "go_slow", word: "do.go_slow" };
@@ -150,7 +150,7 @@ const CARDS = {
 };
 
 /**
- * Whether the page's robot is one to try or practise with: nobody switches it off.
+ * Whether the page's robot is one to try or practise with: it cannot be switched off.
  * @param {Pick<State, "practising" | "guest">} state
  */
 const isSimulated = ({ practising, guest }) => practising || guest;

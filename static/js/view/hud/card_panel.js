@@ -30,7 +30,7 @@ export class CardPanel {
     this.instead.addEventListener("click", (event) => {
       const opensHere = !(event.ctrlKey || event.metaKey || event.shiftKey);
       if (opensHere && event.target instanceof HTMLAnchorElement) {
-        onAction("leave_now"); // whoever drives another robot keeps nobody waiting for this one
+        onAction("leave_now"); // a driver of another robot leaves the queue of this one
       }
     });
     for (const button of [this.main, this.extra, this.other]) {
@@ -41,7 +41,7 @@ export class CardPanel {
   /** @param {Card | null} card */
   show(card) {
     if (!card && this.element.contains(document.activeElement)) {
-      backToDriving(this.find); // also of a card that goes by itself
+      backToDriving(this.find); // also when the card disappears by itself
     }
     this.element.hidden = card === null;
     if (card === null) {
@@ -112,8 +112,8 @@ export class CardPanel {
   }
 
   /**
-   * Whoever pressed the button of the last card finds the focus on this one's, and not on the bare
-   * page.
+   * After a press on a button of the last card the focus is on this card's button, not on the
+   * bare page.
    */
   #takeFocus() {
     const active = document.activeElement;

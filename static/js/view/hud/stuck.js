@@ -1,7 +1,7 @@
 /**
  * "I press and nothing moves": the reason, from what the page knows and the robot reports. Pure.
  * What the line over the picture says anyway (alert.js) comes before it; here is whatever else may
- * hold the robot, and a last word when nobody knows.
+ * hold the robot, and a last word when the reason is unknown.
  */
 
 import { reports } from "../../protocol/standstill.js";

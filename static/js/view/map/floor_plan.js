@@ -165,7 +165,7 @@ const station = (context, view, dock, paint) => {
   const [x, y] = toScreen(view, dock.x, dock.y);
   const size = Math.max(4, 0.16 * view.scale);
   context.beginPath();
-  // A bolt: the sign of charging, for whoever does not tell colours apart.
+  // A bolt: charging icon (not colour alone).
   context.moveTo(x + 0.2 * size, y - 1.3 * size);
   context.lineTo(x - 0.8 * size, y + 0.2 * size);
   context.lineTo(x - 0.05 * size, y + 0.2 * size);

@@ -1,6 +1,6 @@
 /**
  * What is drawn over the floor plan besides the robot: what its laser sees, how sure it is of its
- * place, where it is to go, and what the assistance minds. The geometry is pure.
+ * place, where it is to go, and the obstacle that assistance reacts to. The geometry is pure.
  */
 
 import { mapFromRobot } from "../../lib/transforms.js";
@@ -133,7 +133,7 @@ export const drawAim = (context, view, { x, y, theta }, colour, edge) => {
 };
 
 /**
- * What the assistance minds: a cross in a ring, so that it is not told by its colour alone.
+ * The obstacle that assistance reacts to: a cross in a ring, not marked by colour alone.
  * @param {Canvas2D} context @param {MapView} view
  * @param {Point} point of the map
  * @param {string} colour

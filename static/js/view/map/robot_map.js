@@ -2,9 +2,9 @@
  * The map: floor plan, path driven, path ahead, what the laser sees, where the robot is and where
  * it shall go. Two canvases in one: the still part is drawn once a view into a picture of its own,
  * the robot over it whenever it moves. Sharp at any density of the screen and any zoom: nothing is
- * scaled, everything is drawn anew.
+ * scaled, everything is redrawn.
  *
- * The canvas tells where it drew the marker, for whoever wants to check: data-marker-x and -y in
+ * Tests read on the canvas where the marker was drawn: data-marker-x and -y in
  * CSS pixels from its corner, data-marker-stamp the stamp of that pose, data-view-x, -y, -scale,
  * -turn the transform of transform.js.
  */

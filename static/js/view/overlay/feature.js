@@ -12,7 +12,7 @@ import { FloorPress } from "./floor_press.js";
 import { OverlayCanvas } from "./overlay_canvas.js";
 import { Track } from "../../lib/transforms.js";
 
-const SCAN_SECONDS = 1; // an older sweep says nothing of the present
+const SCAN_SECONDS = 1; // an older sweep is outdated
 const MOVING = 0.01; // m/s or rad/s
 
 /** What is known of the robot's surroundings, for all parts of the overlay. */
