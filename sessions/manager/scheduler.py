@@ -48,8 +48,7 @@ from sessions.leases.transitions import (
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import AskedThere, Ended, FoundThere, Notice, Offered, TurnWarning
 from sessions.recording.items import CloseItem
-from sessions.shards.hashing import shard_of
-from sessions.shards.ownership import EVERYTHING, Ownership
+from sessions.shards.ownership import EVERYTHING, Ownership, ShardChanges
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -86,9 +85,7 @@ class Scheduler:
     """
 
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
-        self._ownership = ownership
-        self._version = ownership.version
-        self._shards = frozenset(ownership.epochs)
+        self._ownership, self._changes = ownership, ShardChanges(ownership)
         self._gained: dict[str, float] = {}  # robot: when it became ours while we ran
         self.outbox: deque[ManagerMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
@@ -120,24 +117,19 @@ class Scheduler:
         self._leases = dict.fromkeys(filter(self._ownership.owns, names), NEVER)
         self._last_notice, self._warned = {}, {}
 
-    def _follow_ownership(self, now: datetime.datetime) -> None:
+    def _follow_changes(self, now: datetime.datetime) -> None:
         """Forget robots that have moved to another session manager. For newly acquired robots,
         publish everything again and wait for their first state.
         """
-        version, epochs = self._ownership.version, self._ownership.epochs
-        if self._version == version:
+        if not self._changes:
             return
-        names = list(
-            Robot.objects.values_list("name", flat=True)
-        )  # first, because the database may refuse it
-        gained = epochs.keys() - self._shards
-        self._version, self._shards = version, frozenset(epochs)
-        for name in names:
-            if shard_of(name) in gained:
-                self._gained[name] = now.timestamp()
-                self._leases[name] = NEVER
-            elif shard_of(name) not in epochs:
-                self._forget(name)
+        names = list(Robot.objects.values_list("name", flat=True))  # may be refused: before `take`
+        gained, lost = self._changes.take(names)
+        for name in gained:
+            self._gained[name] = now.timestamp()
+            self._leases[name] = NEVER
+        for name in lost:
+            self._forget(name)
 
     def _forget(self, name: str) -> None:
         for known in (self._leases, self._counted, self._asked, self._gained):
@@ -155,7 +147,7 @@ class Scheduler:
             default: for a robot that has sent none.
             now: aware.
         """
-        self._follow_ownership(now)
+        self._follow_changes(now)
         queues = set(
             Session.objects.filter(state=Session.State.WAITING).values_list("robot_id", flat=True)
         )
@@ -332,7 +324,7 @@ class Scheduler:
         receives the end first and the lease after it. Renewal is therefore separate from the tick,
         which takes longer, and the caller repeats it until there is nothing to publish.
         """
-        self._follow_ownership(now)
+        self._follow_changes(now)
         before = len(self.outbox)
         rows = Lease.objects.filter(session__state__in=LIVE).values_list(
             "robot__name", "robot_id", "epoch", "session__state"

@@ -5,7 +5,7 @@ DatabaseError the same item can be taken again.
 """
 
 import datetime
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable
 from typing import Any
 
@@ -33,7 +33,7 @@ from sessions.recording.photos import Photos, RecordedPhoto
 from sessions.recording.robot_runs import RobotRuns
 from sessions.recording.sequence_tracker import ASKING_SECONDS, Loss
 from sessions.recording.store import RecordStore, key_of, row_of
-from sessions.shards.hashing import shard_of
+from sessions.shards.foreign_messages import ForeignMessages
 
 logger = structlog.stdlib.get_logger(__name__)
 
@@ -48,10 +48,6 @@ LOGGED = {
 LOGGED_RATE = (0.1, 30.0)  # entries of one robot a second, and at once
 SETTLE_SECONDS = 2.0
 GIVE_UP_SECONDS = ASKING_SECONDS + 15.0
-# How long messages about another session manager's robots are kept, in case they become ours, and
-# how many.
-EARLY_SECONDS = 5.0
-MAX_EARLY = 5000
 
 
 class RecordBuilder:
@@ -64,14 +60,12 @@ class RecordBuilder:
 
     def __init__(self, store: RecordStore, ask: Callable[[str, str, int, int], None]) -> None:
         self._store = store
-        self._ask = ask
         self._chunks = Chunks()
         self._photos = Photos()
-        self._runs = RobotRuns(store)
+        self._runs = RobotRuns(store, ask)
         self._touched: set[str] = set()
         self._closing: dict[str, CloseItem] = {}
-        self._early: deque[PageItem] = deque(maxlen=MAX_EARLY)
-        self._version = store.ownership.version
+        self._foreign: ForeignMessages[PageItem] = ForeignMessages(store.ownership)
         self._released: list[ReleaseItem] = []
         self._allowances: dict[Any, Bucket] = {}  # of each robot, for entries of the system log
         self.rows: list[Model] = []
@@ -251,7 +245,7 @@ class RecordBuilder:
             self.counts["unknown_session"] += 1
             return
         if not self._store.ownership.records(robot):
-            self._early.append(item)
+            self._foreign.keep(robot, item, now)
             return
         try:
             message = protocol.decode(report.suffix, bytes(report.message).decode())
@@ -281,19 +275,16 @@ class RecordBuilder:
 
     def settle(self, now: float) -> None:
         """Close due chunks, request states that are owed, and record those that are lost."""
-        self._follow_ownership(now)
+        for item in self._foreign.claim(now):
+            self._page(item)
         self._runs.audit(self._closing.values(), now)
         for chunk in self._chunks.ripe(now):
             self._keep(chunk)
         for session in self._closing:  # late states count in the next summary
             for chunk in self._chunks.close(session):
                 self._keep(chunk)
-        for due in self._runs.due(now):
-            for first, last in due.asks:
-                self.counts["asked"] += last - first + 1
-                self._ask(due.robot, due.boot, first, last)
-            for loss in due.losses:
-                self._record_loss(due.boot, loss, now)
+        for boot, loss in self._runs.settle(now):
+            self._record_loss(boot, loss, now)
         for robot, action in self._photos.forgotten(now):
             self._log(
                 "photo_incomplete",
@@ -304,24 +295,15 @@ class RecordBuilder:
                 action=action,
             )
 
-    def _follow_ownership(self, now: float) -> None:
-        """Record recent page reports about robots that have become ours."""
-        while self._early and now - self._early[0].received_at > EARLY_SECONDS:
-            self._early.popleft()
-        if self._version != self._store.ownership.version:
-            self._version = self._store.ownership.version
-            for item in [self._early.popleft() for _ in range(len(self._early))]:
-                self._page(item)
-
     def _release(self, item: ReleaseItem) -> None:
-        """Make rows of everything in memory about the robots of some shards, and forget it. Their
-        next owner continues the record; if this process gets them again, it reads it again.
+        """Make rows of everything in memory, and forget what is about these robots. Their next
+        session manager continues the record; if this one gets them again, it reads it again.
         """
         for chunk in self._chunks.close():
             self._keep(chunk)
-        self._runs.forget(item.shards)
+        self._runs.forget(item.has)
         for one in list(self._closing.values()):
-            if shard_of(one.robot) in item.shards:
+            if item.has(one.robot):
                 self._forget(one.session)
         self._released.append(item)
 
