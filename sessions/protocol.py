@@ -1,4 +1,4 @@
-"""What a page and the server say to each other on the WebSocket, beside Robot API v1.
+"""The messages between a page and the server on the WebSocket, beside Robot API v1.
 
 A frame is a suffix, a newline, and a JSON object in camelCase, as on the data channel. Suffixes of
 the Robot API mean the same here as on MQTT: the page sends `command/velocity`, `command/heartbeat`,

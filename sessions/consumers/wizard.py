@@ -1,9 +1,8 @@
-"""The WebSocket of a hidden operator: decode, ask, perform. Its rules are in
-sessions/consumers/wizard_authorization.py, what it is told in wizard_relay.py.
+"""The WebSocket of a hidden operator; wizard_authorization.py has its permissions, wizard_relay.py
+the messages to it.
 
-A step is sent to the robot before anything is written about it, so that the record costs the robot
-no time. When the socket ends, however that is, the robot is stopped, and nobody drives until
-somebody operates again.
+A step is sent to the robot before it is recorded, so that the record does not delay the robot. When
+the socket closes for any reason, the robot is stopped until an operator takes over again.
 """
 
 import asyncio
@@ -37,17 +36,15 @@ from sessions.wizard.script import Press, ScriptProgress, action_of
 log = structlog.stdlib.get_logger(__name__)
 
 HAND_PAUSE = 2.0  # s without a velocity by hand after which the next is a new deviation
-TURN_SECONDS = 30.0  # for which a step that turns the robot may take
+TURN_SECONDS = 30.0  # longest duration of a step that turns the robot
 
 
 class WizardConsumer(RobotPageConsumer):
-    """One operator's page at one robot. Until the operator was found to be one there is no room,
-    and whatever the page says is ignored.
-    """
+    """One operator's page at one robot."""
 
     authorization: WizardAuthorization | None = None
 
-    # --- coming and going -------------------------------------------------------------------------
+    # --- from connecting to closing ---------------------------------------------------------------
 
     async def _enter(self) -> int | None:
         self.user, self.name = self.scope["user"], self.scope["url_route"]["kwargs"]["robot"]
@@ -78,21 +75,21 @@ class WizardConsumer(RobotPageConsumer):
         self.changed.set()
         self._launch(self._keep_looking(self.changed, self._look_in_turn, self._is_welcome))
         groups = (page_channel.visitor_group(self.user.pk),)
-        self._launch(page_channel.listen(groups, lambda _: self._launch(self._look_again())))
+        self._launch(page_channel.listen(groups, lambda _: self._launch(self._check_again())))
         log.info("wizard_joined", robot=self.name)
 
-    async def _gone(self) -> None:
-        """Stop the robot, however the page went."""
+    async def _clean_up(self) -> None:
+        """Stop the robot, however the connection ended."""
         authorization = self.authorization
         assert authorization is not None
         stop = authorization.last_stop(uuid.uuid4().hex, time.time(), self.known.lease)
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
         self._signal(Bye(reason="left"))
-        await super()._gone()
+        await super()._clean_up()
         self._unfollow()
         session = authorization.session
-        authorization.let_go()
+        authorization.release()
         if session is not None:
             await asyncio.shield(self._release(session, authorization.peer, leases.LOST))
         log.info("wizard_left", robot=self.name, refused=dict(authorization.refused))
@@ -104,7 +101,7 @@ class WizardConsumer(RobotPageConsumer):
             self.bridge.publish_lease(self.name, lease)
             await self._note(session, kind)
 
-    # --- what the page says -----------------------------------------------------------------------
+    # --- frames of the page -----------------------------------------------------------------------
 
     def _publish(self, publish: Publish) -> None:
         self._notice_hand(publish.message)
@@ -127,7 +124,7 @@ class WizardConsumer(RobotPageConsumer):
             case protocol.TakeOver():
                 self._launch(self._take(authorization, verb), suffix)
             case protocol.StopOperating():
-                self._launch(self._let_go(authorization), suffix)
+                self._launch(self._stop_operating(authorization), suffix)
             case protocol.BeginStep():
                 self._step(authorization, verb)
             case protocol.FreeLine():
@@ -137,7 +134,7 @@ class WizardConsumer(RobotPageConsumer):
                     self._note(self._session(), leases.REACHED, id=key, latency=round(latency, 4))
                 )
 
-    # --- the wheel --------------------------------------------------------------------------------
+    # --- control of the robot ---------------------------------------------------------------------
 
     async def _take(self, authorization: WizardAuthorization, ask: protocol.TakeOver) -> None:
         async with self.turn:
@@ -157,17 +154,17 @@ class WizardConsumer(RobotPageConsumer):
                 self.sender.post("wizard/lost", protocol.Lost(reason=taken))
                 return
             authorization.operate(ask.session, taken.wizard_epoch, by_hand=operated.script.by_hand)
-            # before the page hears of it, so that the robot knows the operator when commands come
+            # before `wizard/granted`, so that the robot has the lease when commands arrive
             self.bridge.publish_lease(self.name, taken)
             granted = protocol.Operating(session=ask.session, epoch=taken.wizard_epoch)
             self.sender.post("wizard/granted", granted)
             await self._note(ask.session, leases.TOOK, blind=operated.is_blind)
         self.changed.set()
 
-    async def _let_go(self, authorization: WizardAuthorization) -> None:
+    async def _stop_operating(self, authorization: WizardAuthorization) -> None:
         async with self.turn:
             session = authorization.session
-            authorization.let_go()
+            authorization.release()
             if session is not None:
                 await self._release(session, authorization.peer, leases.LEFT)
         self.changed.set()
@@ -175,7 +172,7 @@ class WizardConsumer(RobotPageConsumer):
     # --- the script -------------------------------------------------------------------------------
 
     def _step(self, authorization: WizardAuthorization, ask: protocol.BeginStep) -> None:
-        """Begin a step: what the robot does by itself is sent, what the page drives is let pass."""
+        """Begin a step: send the robot its action, or permit the velocities of the page."""
         progress = self.progress
         known = progress is not None and any(ask.step == one.key for one in progress.script.steps)
         if progress is None or not known or not authorization.drives(self.known.lease):
@@ -188,7 +185,7 @@ class WizardConsumer(RobotPageConsumer):
         press = progress.judge(ask.step, now)
         assert press is not None
         reason = self._begin(authorization, press, ask)
-        if not reason:  # what the robot does not do is not done, and may be pressed again
+        if not reason:  # a step that was not sent may be pressed again
             progress.press(ask.step, now)
         begun = protocol.StepBegun(
             step=ask.step,
@@ -198,15 +195,15 @@ class WizardConsumer(RobotPageConsumer):
             reason=reason,
         )
         self.sender.post("wizard/begun", begun)
-        told = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
+        data = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
         self._launch(
-            self._note(self._session(), leases.STEP, **told, skipped=press.skipped, reason=reason)
+            self._note(self._session(), leases.STEP, **data, skipped=press.skipped, reason=reason)
         )
 
     def _begin(
         self, authorization: WizardAuthorization, press: Press, ask: protocol.BeginStep
     ) -> str:
-        """Send what a step asks of the robot; return why that could not be, or nothing."""
+        """Send the action of a step; return why it could not be sent, or nothing."""
         step = press.step
         if step.is_driven_by_page:
             seconds = step.drive.seconds + 1.0 if step.drive is not None else TURN_SECONDS
@@ -215,7 +212,7 @@ class WizardConsumer(RobotPageConsumer):
         assert self.progress is not None
         language = self.progress.script.language
         action = action_of(step, language, action_id=ask.action_id, stamp=ask.stamp)
-        assert action is not None  # as of every step that the page does not drive
+        assert action is not None  # only steps that the page drives have none
         return self._send_action(authorization, action)
 
     def _send_action(self, authorization: WizardAuthorization, action: Action) -> str:
@@ -226,7 +223,7 @@ class WizardConsumer(RobotPageConsumer):
         return "" if self._send_to_robot("command/action", stamped) else "robot_unreachable"
 
     def _line(self, authorization: WizardAuthorization, ask: protocol.FreeLine) -> None:
-        """Say what is not in the script, which is a deviation."""
+        """Have the robot speak a text that is not in the script, which is a deviation."""
         language = self.progress.script.language if self.progress is not None else ""
         action = Say(
             action_id=ask.action_id,
@@ -257,10 +254,10 @@ class WizardConsumer(RobotPageConsumer):
         except (DatabaseError, InterfaceError) as error:
             log.error("wizard_not_recorded", session=session, event_type=kind, reason=str(error))
 
-    # --- what the page is told --------------------------------------------------------------------
+    # --- messages to the page ---------------------------------------------------------------------
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take a message of the robot, or a notice of the participant's session."""
+        """Handle a message of the robot, or a notice of the participant's session."""
         authorization = self.authorization
         assert authorization is not None
         if inbound.suffix == NOTICE:
@@ -268,7 +265,7 @@ class WizardConsumer(RobotPageConsumer):
         elif inbound.suffix == "lease":
             self._lease_changed(authorization, inbound.message)
         elif (
-            not self._tells_connection(inbound)
+            not self._handle_connection(inbound)
             and (out := wizard_relay.for_wizard(inbound, authorization.peer)) is not None
         ):
             self.sender.put(out)
@@ -292,10 +289,10 @@ class WizardConsumer(RobotPageConsumer):
         is_same = lease is not None and lease.session == session
         if is_same and lease is not None and lease.wizard_epoch < authorization.epoch:
             return  # an older copy
-        authorization.let_go()
+        authorization.release()
         self.sender.post("wizard/lost", protocol.Lost(reason="taken" if is_same else "ended"))
 
-    # --- what time brings -------------------------------------------------------------------------
+    # --- regular work -----------------------------------------------------------------------------
 
     async def _look_in_turn(self) -> None:
         async with self.turn:
@@ -305,8 +302,8 @@ class WizardConsumer(RobotPageConsumer):
         key = self.scope["session"].session_key
         return await query(_is_welcome, key, self.user, self.name)
 
-    async def _look_again(self) -> None:
-        """End the page if the rights of its user have changed and it may not stay."""
+    async def _check_again(self) -> None:
+        """End the page if its user may no longer operate the robot."""
         if not await self._is_welcome():
             self.sender.end(pages.NOT_ALLOWED)
 
@@ -333,7 +330,7 @@ class WizardConsumer(RobotPageConsumer):
             self.sender.post("wizard/session", shown)
 
     async def _resume(self, session: str, operated: OperatedSession) -> None:
-        """Know how far the script is, also after the page was loaded anew."""
+        """Restore the progress of the script from the record, as after a reload of the page."""
         done = await query(leases.steps_done, session)
         self.progress = ScriptProgress(operated.script, time.time())
         for at, key in done:
@@ -357,8 +354,8 @@ def _is_welcome(session_key: str | None, user: Any, name: str) -> bool:
 def _scene(
     user: Any, robot: Robot, peer: str
 ) -> tuple[str, OperatedSession, protocol.SessionToOperate] | None:
-    """Return the session at a robot, for an operator's page with this peer id; None without one
-    that is this operator's.
+    """Return the session at a robot that this user operates, for a page with this peer id; None
+    without one.
     """
     session = leases.session_at(robot)
     operated = operators.operated(user, session) if session is not None else None

@@ -116,7 +116,7 @@ async def test_a_request_that_was_done_is_not_denied_when_the_queue_cannot_be_re
 ):
     async with Page("giraff", ada) as page:
         await page.expect("hello")
-        monkeypatch.setattr(queries, "between_visits_at", raising(AWAY))
+        monkeypatch.setattr(queries, "queue_at", raising(AWAY))
         granted = await page.take()
         await page.say("session/leave", protocol.Leave(session=granted.session))
         await page.expect("session/ended")

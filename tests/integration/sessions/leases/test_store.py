@@ -95,7 +95,7 @@ def test_the_same_page_resumes_with_the_lease_as_it_is(giraff, ana):
 def test_a_reload_gets_a_new_epoch_in_the_same_session(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="driving", driving_at=NOW)
-    store.page_gone(first.session, "peer-1", after(1))
+    store.page_closed(first.session, "peer-1", after(1))
     again = store.take(giraff, ana, "peer-2", session=first.session, now=after(2))
     assert (again.session, again.epoch, again.resumed) == (first.session, 2, False)
     assert Session.objects.get().state == "reconnecting"
@@ -106,7 +106,7 @@ def test_the_old_page_of_a_session_that_moved_can_neither_end_nor_lose_it(giraff
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.take(giraff, ana, "peer-2", takeover=True, now=after(1))
     assert not store.leave(first.session, peer="peer-1", now=after(2))
-    store.page_gone(first.session, "peer-1", after(2))
+    store.page_closed(first.session, "peer-1", after(2))
     row = Session.objects.get()
     assert (row.state, row.seen_at) == ("connecting", after(1))
 
@@ -148,7 +148,7 @@ def test_a_visitor_can_drive_again_after_a_session_has_ended(giraff, ana):
 def test_a_page_that_waits_and_is_back_is_not_lost(giraff, ana, ben):
     store.take(giraff, ana, "peer-1", now=NOW)
     queued = store.take(giraff, ben, "peer-2", now=NOW)
-    store.page_gone(queued.session, "peer-2", after(1))
+    store.page_closed(queued.session, "peer-2", after(1))
     assert Session.objects.get(visitor=ben).lost_at == after(1)
     assert store.seen({queued.session}, after(2)) == {queued.session}
     assert Session.objects.get(visitor=ben).lost_at is None
