@@ -38,7 +38,7 @@ async def test_the_oldest_telemetry_goes_and_nothing_else():
     assert queue.dropped == 7
 
 
-async def test_whoever_waits_is_woken_by_a_frame():
+async def test_a_frame_wakes_the_waiting_task():
     queue = SendQueue()
     taking = asyncio.create_task(queue.take())
     await queue.wait_empty(5.0)
