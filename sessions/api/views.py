@@ -41,7 +41,6 @@ READ = Attempts("api-read", limit=120)
 ACTIONS = ("stop", "estop", "dock")
 MAX_BODY = 1024
 BROKER_PATIENCE_SECONDS = 1.0
-View = Callable[[HttpRequest, ApiKey | None], JsonResponse]
 
 
 def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:

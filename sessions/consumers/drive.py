@@ -47,7 +47,7 @@ SPREAD_SECONDS = 2.0
 class RobotConsumer(RobotPageConsumer):
     """One page at one robot; its frames are ignored until it is admitted."""
 
-    page_session: PageSession | None = None
+    page_session: PageSession = None  # type: ignore[assignment]  # until `_register`
 
     # --- from connecting to closing ---------------------------------------------------------------
 
@@ -96,7 +96,7 @@ class RobotConsumer(RobotPageConsumer):
         self.peers.members.add(self.page_session)
         self.page_session.audience.join(self.page_session)
         self.peers.changed()
-        self._launch(self._keep_time(self.page_session))
+        self._launch(self._keep_time())
         groups = (page_channel.robot_group(self.name), page_channel.visitor_group(user.pk))
         self._launch(page_channel.listen(groups, self._take_event))
 
@@ -151,7 +151,6 @@ class RobotConsumer(RobotPageConsumer):
     # --- frames of the page -----------------------------------------------------------------------
 
     def _do(self, effect: Effect) -> None:
-        assert self.page_session is not None
         match effect:
             case ReportFrame(message):
                 self.bridge.report(protocol.page_reports(message.session), message)
@@ -195,7 +194,6 @@ class RobotConsumer(RobotPageConsumer):
             self._change_audience(effect)
 
     def _change_audience(self, effect: TellAudience) -> None:
-        assert self.page_session is not None
         if reason := self.page_session.tell_audience(effect.message):
             self._perform(self.authorization.deny(effect.suffix, reason, time.monotonic()))
 
@@ -217,7 +215,6 @@ class RobotConsumer(RobotPageConsumer):
         self, suffix: str, may: Callable[[], bool], do: Callable[[], None]
     ) -> None:
         """Carry out an operator's request, if the rights of this page's user still permit it."""
-        assert self.page_session is not None
         async with self.page_session.turn:
             if await self.page_session.still_welcome() and may():
                 do()
@@ -225,7 +222,6 @@ class RobotConsumer(RobotPageConsumer):
                 self._perform(self.authorization.deny(suffix, "not_allowed", time.monotonic()))
 
     def _ask(self, suffix: str, verb: Message) -> None:
-        assert self.page_session is not None
         if self.page_session.waiting_verbs < MAX_WAITING_VERBS:
             self._launch(self.page_session.do(verb), suffix)
         else:
@@ -242,7 +238,6 @@ class RobotConsumer(RobotPageConsumer):
             log_ids.unbind(token)
 
     def _handle_message(self, inbound: ReceivedMessage) -> None:
-        assert self.page_session is not None
         unsure = False
         if inbound.suffix == "lease":
             unsure = self.page_session.lost_lease(inbound.message)
@@ -267,7 +262,6 @@ class RobotConsumer(RobotPageConsumer):
             self._launch(self.page_session.confirm())
 
     def _relay(self, inbound: ReceivedMessage) -> None:
-        assert self.page_session is not None
         if self.authorization.is_shut_out(self.known.lease):
             return
         if self.page_session.moves_to_sfu(inbound):
@@ -289,7 +283,6 @@ class RobotConsumer(RobotPageConsumer):
     # --- events of Django code --------------------------------------------------------------------
 
     def _take_event(self, event: page_channel.Event) -> None:
-        assert self.page_session is not None
         if event.get("session") not in {None, self.authorization.session}:
             return
         if event["type"] == page_channel.NOTICE:
@@ -304,7 +297,6 @@ class RobotConsumer(RobotPageConsumer):
         """Check whether the page may stay, and the status of its session, after `pause` seconds,
         which spread the queries of a robot's observers.
         """
-        assert self.page_session is not None
         await asyncio.sleep(pause)
         async with self.page_session.turn:
             welcome = await self.page_session.still_welcome()
@@ -313,11 +305,11 @@ class RobotConsumer(RobotPageConsumer):
 
     # --- regular work -----------------------------------------------------------------------------
 
-    async def _keep_time(self, page_session: PageSession) -> None:
+    async def _keep_time(self) -> None:
         """Store every few seconds that the page is open; check every minute whether it may stay."""
         # Random, so that pages which connected together do not check together.
         asked = time.monotonic() - random.random() * WELCOME_EVERY / 2
-        pause = random.random() * PAGE_SEEN_EVERY
+        pause, page_session = random.random() * PAGE_SEEN_EVERY, self.page_session
         while True:
             await asyncio.sleep(pause)
             pause = PAGE_SEEN_EVERY

@@ -27,7 +27,7 @@ log = structlog.stdlib.get_logger(__name__)
 class ScreenConsumer(RobotPageConsumer):
     """One display of one robot, admitted by its key."""
 
-    authorization: ScreenAuthorization | None = None
+    authorization: ScreenAuthorization
 
     async def _enter(self) -> int | None:
         self.name = self.scope["url_route"]["kwargs"]["robot"]
@@ -72,7 +72,6 @@ class ScreenConsumer(RobotPageConsumer):
         self._signal(Bye(reason="left"))
         await super()._clean_up()
         self.audience.part(self)
-        assert self.authorization is not None
         log.info("screen_left", robot=self.name, refused=dict(self.authorization.refused))
 
     def _lease(self) -> Lease | None:
@@ -92,7 +91,6 @@ class ScreenConsumer(RobotPageConsumer):
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
         """Handle a message of the bridge."""
-        assert self.authorization is not None
         if self._handle_connection(inbound):
             return
         if (shown := relay.for_screen(inbound)) is not None:
@@ -122,14 +120,11 @@ class ScreenConsumer(RobotPageConsumer):
     async def _send_to_visitor(self) -> None:
         lease = self.known.lease_at(time.monotonic())
         if lease is not None and self.study[0] != lease.session:
-            self.study = (
-                lease.session,
-                await query(store.is_study, lease.session),
-            )
+            self.study = (lease.session, await query(store.is_study, lease.session))
         waiting = None
         if waiting_chat.is_open(self.known, time.monotonic()):
             waiting = await query(waiting_chat.first_waiting, self.name, timezone.now())
-        self.waiting = waiting
+        self.waiting = waiting  # set at once: chat is handled during the query
         shown = protocol.Screen(
             title=self.title,
             titles=self.titles,
@@ -137,7 +132,7 @@ class ScreenConsumer(RobotPageConsumer):
             visitor=lease.who if lease else None,
             waiting=self.waiting[1] if self.waiting is not None else None,
             study=lease is not None and self.study[1],
-            ice_servers=self.authorization.ice_servers() if self.authorization else (),
+            ice_servers=self.authorization.ice_servers(),
         )
         if shown != self.shown:
             self.shown = shown

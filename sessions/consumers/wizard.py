@@ -42,7 +42,7 @@ TURN_SECONDS = 30.0  # longest duration of a step that turns the robot
 class WizardConsumer(RobotPageConsumer):
     """One operator's page at one robot."""
 
-    authorization: WizardAuthorization | None = None
+    authorization: WizardAuthorization
 
     # --- from connecting to closing ---------------------------------------------------------------
 
@@ -81,7 +81,6 @@ class WizardConsumer(RobotPageConsumer):
     async def _clean_up(self) -> None:
         """Stop the robot, however the connection ended."""
         authorization = self.authorization
-        assert authorization is not None
         stop = authorization.last_stop(uuid.uuid4().hex, time.time(), self.known.lease)
         if stop is not None:
             self.bridge.send_stop(self.name, stop)
@@ -114,29 +113,27 @@ class WizardConsumer(RobotPageConsumer):
             return
         now = time.monotonic()
         if now - self.hand_at > HAND_PAUSE:
-            self._launch(self._note(self._session(), leases.BY_HAND, method=method))
+            self._launch(self._note(self.authorization.session, leases.BY_HAND, method=method))
         self.hand_at = now
 
     def _ask(self, suffix: str, verb: Message) -> None:
-        authorization = self.authorization
-        assert authorization is not None
         match verb:
             case protocol.TakeOver():
-                self._launch(self._take(authorization, verb), suffix)
+                self._launch(self._take(verb), suffix)
             case protocol.StopOperating():
-                self._launch(self._stop_operating(authorization), suffix)
+                self._launch(self._stop_operating(), suffix)
             case protocol.BeginStep():
-                self._step(authorization, verb)
+                self._step(verb)
             case protocol.FreeLine():
-                self._line(authorization, verb)
+                self._line(verb)
             case protocol.Reached(action_id=key, latency=latency):
-                self._launch(
-                    self._note(self._session(), leases.REACHED, id=key, latency=round(latency, 4))
-                )
+                session, seconds = self.authorization.session, round(latency, 4)
+                self._launch(self._note(session, leases.REACHED, id=key, latency=seconds))
 
     # --- control of the robot ---------------------------------------------------------------------
 
-    async def _take(self, authorization: WizardAuthorization, ask: protocol.TakeOver) -> None:
+    async def _take(self, ask: protocol.TakeOver) -> None:
+        authorization = self.authorization
         async with self.turn:
             operated = self.at[1] if self.at is not None and self.at[0] == ask.session else None
             if operated is None:
@@ -161,7 +158,8 @@ class WizardConsumer(RobotPageConsumer):
             await self._note(ask.session, leases.TOOK, blind=operated.is_blind)
         self.changed.set()
 
-    async def _stop_operating(self, authorization: WizardAuthorization) -> None:
+    async def _stop_operating(self) -> None:
+        authorization = self.authorization
         async with self.turn:
             session = authorization.session
             authorization.release()
@@ -171,11 +169,11 @@ class WizardConsumer(RobotPageConsumer):
 
     # --- the script -------------------------------------------------------------------------------
 
-    def _step(self, authorization: WizardAuthorization, ask: protocol.BeginStep) -> None:
+    def _step(self, ask: protocol.BeginStep) -> None:
         """Begin a step: send the robot its action, or permit the velocities of the page."""
         progress = self.progress
         known = progress is not None and any(ask.step == one.key for one in progress.script.steps)
-        if progress is None or not known or not authorization.drives(self.known.lease):
+        if progress is None or not known or not self.authorization.drives(self.known.lease):
             refused = protocol.StepBegun(
                 step=ask.step, action_id=ask.action_id, reason="not_driver" if known else "unknown"
             )
@@ -184,7 +182,7 @@ class WizardConsumer(RobotPageConsumer):
         now = time.time()
         press = progress.judge(ask.step, now)
         assert press is not None
-        reason = self._begin(authorization, press, ask)
+        reason = self._begin(press, ask)
         if not reason:  # a step that was not sent may be pressed again
             progress.press(ask.step, now)
         begun = protocol.StepBegun(
@@ -196,33 +194,30 @@ class WizardConsumer(RobotPageConsumer):
         )
         self.sender.post("wizard/begun", begun)
         data = {"step": ask.step, "id": ask.action_id, "deviation": press.deviation}
-        self._launch(
-            self._note(self._session(), leases.STEP, **data, skipped=press.skipped, reason=reason)
-        )
+        data |= {"skipped": press.skipped, "reason": reason}
+        self._launch(self._note(self.authorization.session, leases.STEP, **data))
 
-    def _begin(
-        self, authorization: WizardAuthorization, press: Press, ask: protocol.BeginStep
-    ) -> str:
+    def _begin(self, press: Press, ask: protocol.BeginStep) -> str:
         """Send the action of a step; return why it could not be sent, or nothing."""
         step = press.step
         if step.is_driven_by_page:
             seconds = step.drive.seconds + 1.0 if step.drive is not None else TURN_SECONDS
-            authorization.script_until = time.monotonic() + seconds
+            self.authorization.script_until = time.monotonic() + seconds
             return ""
         assert self.progress is not None
         language = self.progress.script.language
         action = action_of(step, language, action_id=ask.action_id, stamp=ask.stamp)
         assert action is not None  # only steps that the page drives have none
-        return self._send_action(authorization, action)
+        return self._send_action(action)
 
-    def _send_action(self, authorization: WizardAuthorization, action: Action) -> str:
+    def _send_action(self, action: Action) -> str:
         try:
-            stamped = authorization.stamp_action(action, self.known.lease)
+            stamped = self.authorization.stamp_action(action, self.known.lease)
         except FrameRefused as refused:
             return str(refused)
         return "" if self._send_to_robot("command/action", stamped) else "robot_unreachable"
 
-    def _line(self, authorization: WizardAuthorization, ask: protocol.FreeLine) -> None:
+    def _line(self, ask: protocol.FreeLine) -> None:
         """Have the robot speak a text that is not in the script, which is a deviation."""
         language = self.progress.script.language if self.progress is not None else ""
         action = Say(
@@ -232,19 +227,12 @@ class WizardConsumer(RobotPageConsumer):
             language=language,
             aloud=ask.aloud,
         )
-        reason = self._send_action(authorization, action)
-        self.sender.post(
-            "wizard/begun", protocol.StepBegun(step="free", action_id=ask.action_id, reason=reason)
-        )
+        reason = self._send_action(action)
+        begun = protocol.StepBegun(step="free", action_id=ask.action_id, reason=reason)
+        self.sender.post("wizard/begun", begun)
         if not reason:
-            self._launch(
-                self._note(
-                    self._session(), leases.LINE, id=ask.action_id, text=ask.text, aloud=ask.aloud
-                )
-            )
-
-    def _session(self) -> str | None:
-        return self.authorization.session if self.authorization is not None else None
+            data = {"id": ask.action_id, "text": ask.text, "aloud": ask.aloud}
+            self._launch(self._note(self.authorization.session, leases.LINE, **data))
 
     async def _note(self, session: str | None, kind: str, **data: Any) -> None:
         if session is None:
@@ -258,15 +246,13 @@ class WizardConsumer(RobotPageConsumer):
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
         """Handle a message of the robot, or a notice of the participant's session."""
-        authorization = self.authorization
-        assert authorization is not None
         if inbound.suffix == NOTICE:
             self._handle_notice(str(inbound.frame))
         elif inbound.suffix == "lease":
-            self._lease_changed(authorization, inbound.message)
+            self._lease_changed(inbound.message)
         elif (
             not self._handle_connection(inbound)
-            and (out := wizard_relay.for_wizard(inbound, authorization.peer)) is not None
+            and (out := wizard_relay.for_wizard(inbound, self.authorization.peer)) is not None
         ):
             self.sender.put(out)
 
@@ -281,9 +267,9 @@ class WizardConsumer(RobotPageConsumer):
         if view is not None:
             self.sender.post("wizard/participant", view)
 
-    def _lease_changed(self, authorization: WizardAuthorization, lease: Lease | None) -> None:
+    def _lease_changed(self, lease: Lease | None) -> None:
         self.changed.set()
-        session = authorization.session
+        authorization, session = self.authorization, self.authorization.session
         if session is None or authorization.drives(lease):
             return
         is_same = lease is not None and lease.session == session
@@ -308,9 +294,7 @@ class WizardConsumer(RobotPageConsumer):
             self.sender.end(pages.NOT_ALLOWED)
 
     async def _look(self) -> None:
-        authorization = self.authorization
-        assert authorization is not None
-        scene = await query(_scene, self.user, self.robot, authorization.peer)
+        scene = await query(_scene, self.user, self.robot, self.authorization.peer)
         if scene is None:
             self._unfollow()
             self.at = self.progress = None
