@@ -1,4 +1,4 @@
-"""The page that checks browser and network, and the line that says back what it is told."""
+"""The page that checks browser and network, and the WebSocket that echoes."""
 
 import json
 import re
@@ -15,7 +15,7 @@ from telepresence_site import asgi
 from tests.support.browsers.pages import ORIGIN
 from tests.support.patience import patient
 
-# a consumer looks after the connections of its thread, whoever opened them
+# a consumer closes all connections of its thread, also those of the test
 pytestmark = pytest.mark.django_db
 
 

@@ -41,16 +41,6 @@ def giraff():
     )
 
 
-@pytest.fixture
-def ana():
-    return User.objects.create(username="ana", display_name="Ana")
-
-
-@pytest.fixture
-def ben():
-    return User.objects.create(username="ben")
-
-
 def test_a_grant_names_everything_that_page_and_robot_need(giraff, ana):
     granted = store.take(giraff, ana, "peer-1", device={"os": "Linux"}, now=NOW)
     assert (granted.epoch, granted.peer, granted.resumed, granted.turn_seconds) == (

@@ -65,16 +65,6 @@ def giraff():
     )
 
 
-@pytest.fixture
-def ana():
-    return User.objects.create(username="ana", display_name="Ana")
-
-
-@pytest.fixture
-def ben():
-    return User.objects.create(username="ben")
-
-
 def take(
     robot: Robot, user: User, peer: str = "peer-1", *, at: float = 0.0, **words_of_the_page
 ) -> store.Taken:
