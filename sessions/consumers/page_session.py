@@ -236,7 +236,7 @@ class PageSession:
         left, ended = await self._end(session, self.authorization.peer)
         self._over(ended)
         if left:
-            self._send_ended(session, ended.outcome, ended.reason, drove=drove)
+            self._send_ended(ended, drove=drove)
 
     async def _end(self, session: str, peer: str) -> tuple[bool, protocol.Ended]:
         """End a session of this peer; return whether it lived until then, and how it ended."""
@@ -254,14 +254,12 @@ class PageSession:
         left, ended = await self._end(session, peer)
         self.sender.notify(ended)
         if left:
-            drove = ended.reason != store.LEFT_QUEUE
-            self._send_ended(session, ended.outcome, ended.reason, drove=drove)
+            self._send_ended(ended, drove=ended.reason != store.LEFT_QUEUE)
 
-    def _send_ended(self, session: str, outcome: str, reason: str, *, drove: bool) -> None:
+    def _send_ended(self, ended: protocol.Ended, *, drove: bool) -> None:
         if drove:
             self.bridge.publish_lease(self.robot.name, None)
-        ended = protocol.Ended(session=session, outcome=outcome, reason=reason)
-        self.bridge.publish_notice(session, protocol.notice_frame(ended))
+        self.bridge.publish_notice(ended.session, protocol.notice_frame(ended))
 
     # --- notices and leases -----------------------------------------------------------------------
 
@@ -413,7 +411,8 @@ class PageSession:
             self.forget()
             outcome = Session.Outcome.STOPPED_BY_OPERATOR if drove else Session.Outcome.CANCELLED
             if await query(store.end, session, outcome, answer, timezone.now()):
-                self._send_ended(session, outcome, answer, drove=drove)
+                ended = protocol.Ended(session=session, outcome=outcome, reason=answer)
+                self._send_ended(ended, drove=drove)
         self.sender.end(protocol.SIGNED_OUT if answer == "signed_out" else protocol.NOT_ALLOWED)
         return False
 

@@ -565,10 +565,7 @@ def _with_needs(
     if scene.holder is not None or not scene.ready:
         return scene
     open_now = [each for each in scene.queue if each.page_open(now.timestamp())]
-    next_ones = {
-        each.id
-        for each in (*open_now[:1], *(each for each in open_now if each.offered_at is not None))
-    }
+    next_ones = {each.id for each in open_now if each is open_now[0] or each.offered_at is not None}
     why = {
         str(key): terms.not_ready(session.visitor, robot, now)
         for key, session in sessions.items()
