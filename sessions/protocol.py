@@ -376,13 +376,13 @@ class TurnWarning(Notice, frozen=True, kw_only=True):
     remaining: Seconds
 
 
-class AskedThere(Notice, frozen=True, kw_only=True):
+class PresenceAsked(Notice, frozen=True, kw_only=True):
     """Are you still there? Without a sign, the next visitor gets the robot in `seconds`."""
 
     seconds: Seconds
 
 
-class FoundThere(Notice, frozen=True, kw_only=True):
+class PresenceConfirmed(Notice, frozen=True, kw_only=True):
     """Your presence is confirmed."""
 
 
@@ -426,8 +426,8 @@ NOTICES: dict[str, type[Notice]] = {
     "queued": Queued,
     "offered": Offered,
     "turn_warning": TurnWarning,
-    "asked_there": AskedThere,
-    "found_there": FoundThere,
+    "asked_there": PresenceAsked,
+    "found_there": PresenceConfirmed,
     "task": Task,
     "operator_message": OperatorMessage,
     "ended": Ended,

@@ -38,15 +38,15 @@ from sessions.leases.store import (
 )
 from sessions.leases.transitions import (
     ANSWER_SECONDS,
-    Act,
     FirstMotion,
-    Move,
     RobotLink,
+    SetState,
+    Transition,
     TurnLimited,
     TurnUnlimited,
 )
 from sessions.models import Lease, Session, SessionEvent
-from sessions.protocol import AskedThere, Ended, FoundThere, Notice, Offered, TurnWarning
+from sessions.protocol import Ended, Notice, Offered, PresenceAsked, PresenceConfirmed, TurnWarning
 from sessions.recording.items import CloseItem
 from sessions.shards.ownership import EVERYTHING, Ownership, ShardChanges
 
@@ -163,8 +163,8 @@ class Scheduler:
             with log_ids.about(robot=robot.name), self._ownership.about(robot.name):
                 if now.timestamp() - self.stepped_at >= PAGE_GONE_SECONDS:
                     self._web_absences.tick(scenes[robot.pk].holder, now)
-                for act in expiry.tick(robot, link, now, scenes[robot.pk]):
-                    self._publish(act, robot, now)
+                for transition in expiry.tick(robot, link, now, scenes[robot.pk]):
+                    self._publish(transition, robot, now)
                 if robot.pk in queues:
                     self._publish_places(robot, now)
         return self._finish(now)
@@ -180,14 +180,14 @@ class Scheduler:
 
     # --- notices ----------------------------------------------------------------------------------
 
-    def _publish(self, act: Act, robot: Robot, now: datetime.datetime) -> None:
-        match act:
-            case Move():
-                self._publish_moved(act, robot, now)
-            case Offered() | AskedThere() | FoundThere():
-                self._publish_recorded(act, robot, now)
+    def _publish(self, transition: Transition, robot: Robot, now: datetime.datetime) -> None:
+        match transition:
+            case SetState():
+                self._publish_state(transition, robot, now)
+            case Offered() | PresenceAsked() | PresenceConfirmed():
+                self._publish_recorded(transition, robot, now)
             case TurnWarning():
-                self._warn(act, now)
+                self._warn(transition, now)
             case FirstMotion(session):
                 self._note(session, "first_motion", now)
             case TurnLimited(session):
@@ -200,30 +200,33 @@ class Scheduler:
                     "session_broken_off",
                     "warning",
                     robot=robot,
-                    session=act.session,
+                    session=transition.session,
                     at=now,
-                    outcome=act.outcome,
-                    reason=act.reason,
+                    outcome=transition.outcome,
+                    reason=transition.reason,
                 )
 
-    def _publish_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
-        self._note(move.session, move.state, now)
-        if move.state == "driving" and move.session == self._asked.get(robot.name, ("",))[0]:
+    def _publish_state(self, change: SetState, robot: Robot, now: datetime.datetime) -> None:
+        self._note(change.session, change.state, now)
+        if change.state == "driving" and change.session == self._asked.get(robot.name, ("",))[0]:
             # The visitor was disconnected and could not answer.
-            asked = AskedThere(session=move.session, seconds=ANSWER_SECONDS)
+            asked = PresenceAsked(session=change.session, seconds=ANSWER_SECONDS)
             self._publish_recorded(asked, robot, now)
 
     def _publish_recorded(
-        self, notice: Offered | AskedThere | FoundThere, robot: Robot, now: datetime.datetime
+        self,
+        notice: Offered | PresenceAsked | PresenceConfirmed,
+        robot: Robot,
+        now: datetime.datetime,
     ) -> None:
         self._record(notice, now)
         self._send(notice)
         match notice:  # last, so that the next tick repeats what the database refused to record
             case Offered():
                 self._last_notice[notice.session] = "offered"
-            case AskedThere():
+            case PresenceAsked():
                 self._asked[robot.name] = notice.session, now.timestamp()
-            case FoundThere():
+            case PresenceConfirmed():
                 del self._asked[robot.name]
 
     def _warn(self, warning: TurnWarning, now: datetime.datetime) -> None:

@@ -283,8 +283,8 @@ async def test_news_of_the_queue_reach_the_page_that_waits_and_no_other(bridge, 
         bridge.notify(protocol.Queued(session=session, place=1, minutes=3.5))
         bridge.notify(protocol.Offered(session=session, seconds=60.0))
         bridge.notify(protocol.TurnWarning(session=granted.session, remaining=90.0))
-        bridge.notify(protocol.AskedThere(session=granted.session, seconds=30.0))
-        bridge.notify(protocol.FoundThere(session=granted.session))
+        bridge.notify(protocol.PresenceAsked(session=granted.session, seconds=30.0))
+        bridge.notify(protocol.PresenceConfirmed(session=granted.session))
         assert (await waiting.expect("session/queued")).minutes == 3.5
         assert (await waiting.expect("session/offered")).seconds == 60.0
         assert (await driver.expect("session/turn_warning")).remaining == 90.0

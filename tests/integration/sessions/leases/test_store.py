@@ -15,7 +15,7 @@ from robots.api import topics
 from robots.models import Robot, RobotPresence
 from sessions.leases import store
 from sessions.leases.expiry import tick
-from sessions.leases.transitions import IDLE, Free, Move, RobotLink, decide_tick
+from sessions.leases.transitions import IDLE, ReleaseLease, RobotLink, SetState, decide_tick
 from sessions.manager.scheduler import Scheduler
 from sessions.models import Lease, Session, SessionEvent
 from sessions.protocol import Ended, Offered
@@ -289,10 +289,10 @@ def test_a_process_that_died_between_lease_and_session_is_made_good(giraff, ana,
     granted = store.take(giraff, ana, "peer-1", now=NOW)
     Session.objects.update(state="waiting")
     link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
-    assert tick(giraff, link, after(1)) == (Move(granted.session, "connecting"),)
+    assert tick(giraff, link, after(1)) == (SetState(granted.session, "connecting"),)
     # and its end, without the lease
     Session.objects.update(state="ended", live_key="x", outcome="cancelled")
-    assert tick(giraff, link, after(2)) == (Free(1),)
+    assert tick(giraff, link, after(2)) == (ReleaseLease(1),)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(3)), store.TakeGranted)
 
 

@@ -3,6 +3,7 @@
 import asyncio
 import datetime
 import time
+from unittest import mock
 
 import pytest
 from aiomqtt import Message, Topic
@@ -33,12 +34,6 @@ pytestmark = pytest.mark.django_db
 GIRAFF = shard_of("giraff")
 
 
-class Kept(list):
-    """A recorder that keeps what it is given."""
-
-    put = list.append
-
-
 class Look:
     """A connection without its client, and with a stopped clock."""
 
@@ -50,7 +45,7 @@ class Look:
         self.ownership.wanted = frozenset(self.epochs)
         self.ownership.confirm(self.now)
         self.intake = Intake(
-            Kept(),
+            mock.Mock(),
             lambda: self.now,
             wake_signals=lambda: None,
             wake_scheduler=lambda: None,

@@ -16,7 +16,7 @@ from robots.models import Robot, RobotPermit, RobotPresence
 from sessions.leases import store
 from sessions.leases.expiry import tick
 from sessions.leases.readiness import NETWORK_PAUSE_S, ORDERED
-from sessions.leases.transitions import RobotLink, Withdraw
+from sessions.leases.transitions import RobotLink, WithdrawOffer
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.models import SystemLog
@@ -173,7 +173,7 @@ def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, an
     assert any(isinstance(act, Offered) for act in tick(giraff, RobotLink(), after(2)))
     update_robots(returns_home=True, turnaround="paused", turnaround_reason="estop")
     assert any(
-        isinstance(act, Withdraw) for act in tick(Robot.objects.get(), RobotLink(), after(3))
+        isinstance(act, WithdrawOffer) for act in tick(Robot.objects.get(), RobotLink(), after(3))
     )
 
 

@@ -635,7 +635,7 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
         ana = await drive(visitors["ana"], robot)
         ben = await take(visitors["ben"])
         assert isinstance(ben, store.Queued)
-        assert (await notices.of(ana, protocol.AskedThere)).seconds == 1.0
+        assert (await notices.of(ana, protocol.PresenceAsked)).seconds == 1.0
         ended = await notices.of(ana, protocol.Ended)
         assert (ended.outcome, ended.reason) == ("timed_out", "idle")
         await notices.of(ben.session, protocol.Offered)

@@ -1,5 +1,7 @@
 """What a session manager takes of what arrives: its own robots', and others that become its own."""
 
+from unittest import mock
+
 import msgspec
 import pytest
 from aiomqtt import Message, Topic
@@ -19,20 +21,14 @@ from tests.support import words
 ONLINE = words.online()
 
 
-class Kept(list):
-    """A recorder that keeps what it is given."""
-
-    put = list.append
-
-
 class Manager:
     """An intake with a clock, without robots until `own` names some."""
 
     def __init__(self):
-        self.now, self.recorded, self.woken = 1000.0, Kept(), 0
+        self.now, self.recorded, self.woken = 1000.0, [], 0
         self.ownership = Ownership(lambda: self.now)
         self.intake = Intake(
-            self.recorded,
+            mock.Mock(put=self.recorded.append),
             lambda: self.now,
             wake_signals=lambda: None,
             wake_scheduler=self._wake,
