@@ -168,8 +168,8 @@ MESSAGES: Mapping[type, Fields] = {
     # Notices that the session manager writes into the record.
     p.Offered: {"session": withheld, "seconds": number},
     p.TurnWarning: {"session": withheld, "remaining": number},
-    p.AskedThere: {"session": withheld, "seconds": number},
-    p.FoundThere: {"session": withheld},
+    p.PresenceAsked: {"session": withheld, "seconds": number},
+    p.PresenceConfirmed: {"session": withheld},
     p.OperatorMessage: {"session": withheld, "text": text},
     p.Ended: {
         "session": withheld,

@@ -80,7 +80,7 @@ async def leaves_the_station(page: Page, site: PresentRobotPage, address: str) -
     yield "docked"
     await chats(page, site)
     yield "docked, chat"
-    site.tell("session/asked_there", protocol.AskedThere(session=site.session, seconds=500.0))
+    site.tell("session/asked_there", protocol.PresenceAsked(session=site.session, seconds=500.0))
     await page.wait_for_selector("#card[data-card=idle]")
     yield "asked whether still there"
 

@@ -45,8 +45,8 @@ def decode(frame):
 
 
 class Expecting:
-    """What a test's page waits for; a subclass says with `next` what comes, notes it in `seen`, and
-    sets `PATIENCE` in seconds.
+    """A test's page, which sends and awaits messages. A subclass has `say_frame`, and `next`, which
+    receives a message and adds it to `seen`; `PATIENCE` is in seconds.
     """
 
     PATIENCE = 2 * SECONDS
@@ -61,6 +61,22 @@ class Expecting:
                         return message
         except TimeoutError:
             raise AssertionError(f"no {wanted}; the last were {self.seen[-5:]}") from None
+
+    async def say(self, suffix, message):
+        await self.say_frame(codec.encode_frame(suffix, message))
+
+    async def take(self, **message):
+        await self.say("session/take", protocol.Take(**message))
+        return await self.expect("session/granted")
+
+    async def queue(self):
+        """Ask for the robot while it is taken."""
+        await self.say("session/take", protocol.Take())
+        return await self.expect("session/queued")
+
+    async def observe(self):
+        await self.say("session/observe", protocol.Observe())
+        return await self.expect("session/observing")
 
 
 class Page(Expecting):
@@ -105,9 +121,6 @@ class Page(Expecting):
         with contextlib.suppress(asyncio.CancelledError):
             await self.socket.disconnect(timeout=patient(SECONDS))
 
-    async def say(self, suffix, message):
-        await self.say_frame(codec.encode_frame(suffix, message))
-
     async def say_frame(self, frame):
         await self.socket.send_to(text_data=frame) if isinstance(
             frame, str
@@ -128,10 +141,6 @@ class Page(Expecting):
             if output["type"] == "websocket.close":
                 return output["code"]
             self.seen.append(self.read(output.get("text") or output["bytes"]))
-
-    async def take(self, **message):
-        await self.say("session/take", protocol.Take(**message))
-        return await self.expect("session/granted")
 
     def told(self, suffix):
         return [message for seen, message in self.seen if seen == suffix]

@@ -60,12 +60,9 @@ async def test_who_is_asked_for_a_sign_gives_it_by_the_button_or_any_touch_and_i
         await driving(page)
         for give in (lambda: page.click("#card-main"), lambda: page.mouse.wheel(0, 1)):
             known = len(signs(site))
+            asked = protocol.PresenceAsked(session=site.session, seconds=30.0)
             await said_until_shown(
-                page,
-                "idle",
-                lambda: site.tell(
-                    "session/asked_there", protocol.AskedThere(session=site.session, seconds=30.0)
-                ),
+                page, "idle", lambda asked=asked: site.tell("session/asked_there", asked)
             )
             assert await page.title() == "Are you still there? · Giraff · Telepresence"
             await give()
@@ -73,7 +70,7 @@ async def test_who_is_asked_for_a_sign_gives_it_by_the_button_or_any_touch_and_i
             assert await page.evaluate("document.activeElement.id") == "viewport"
             # given again, for the server has not said that it has it
             await until(lambda known=known: len(signs(site)) >= known + 2)
-            site.tell("session/found_there", protocol.FoundThere(session=site.session))
+            site.tell("session/found_there", protocol.PresenceConfirmed(session=site.session))
         assert "still there" not in await page.title()
 
 
@@ -84,7 +81,7 @@ async def test_who_gave_no_sign_reads_why_the_visit_is_over(browser, site):
             page,
             "idle",
             lambda: site.tell(
-                "session/asked_there", protocol.AskedThere(session=site.session, seconds=30.0)
+                "session/asked_there", protocol.PresenceAsked(session=site.session, seconds=30.0)
             ),
         )
         over = protocol.Ended(session=site.session, outcome="timed_out", reason="idle")
