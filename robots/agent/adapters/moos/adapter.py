@@ -189,7 +189,7 @@ class MoosAdapter(OpenMoraAdapter):
             self.readings.last_received_at = now
         else:
             self.readings.located(pose, stamp_of(said, time.time()), now)
-        self._heard()
+        self._received()
 
     def _charge(self) -> None:
         self.readings.charged(voltage=self._voltage, charging=self._charging)

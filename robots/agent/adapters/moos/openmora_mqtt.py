@@ -257,7 +257,7 @@ class OpenMoraMqttAdapter(OpenMoraAdapter):
             self._mode = status.autonomous, now
         self._watch_journey(status, now)
         self._stop_strays(status, now)
-        self._heard()
+        self._received()
 
     def _stop_strays(self, status: openmora.OpenMoraStatus, now: float) -> None:
         """Cancel a late start, or what an earlier run of the agent has left driving."""

@@ -287,7 +287,7 @@ class RosAdapter(RemoteAdapter):
     def _listeners(self) -> int | None:
         return self._bus.listeners(self._options.cmd_vel) if self._advertised else 0
 
-    def _unheard(self) -> str:
+    def _why_not_received(self) -> str:
         """Return why no subscriber receives velocities; ROS reports no types that differ."""
         if self._listeners() != 0:
             return ""
@@ -297,7 +297,7 @@ class RosAdapter(RemoteAdapter):
         deadline = time.monotonic() + LISTENERS
         # A bus does not announce its first subscriber.
         while (  # noqa: ASYNC110
-            self._unheard() and not self._failure and time.monotonic() < deadline
+            self._why_not_received() and not self._failure and time.monotonic() < deadline
         ):
             await asyncio.sleep(LOOKING / 5)
 
@@ -306,7 +306,7 @@ class RosAdapter(RemoteAdapter):
         while True:
             now = self._listeners()
             if now and not self._subscribers:
-                self._tell_to_stand(time.monotonic())
+                self._send_zero(time.monotonic())
             self._subscribers = now
             if not self._gate.moving:
                 self._advertise_velocities()
@@ -320,7 +320,7 @@ class RosAdapter(RemoteAdapter):
         due = began
         while True:
             now = time.monotonic()
-            if not self._gate.moving and (now >= due or self._unheard()):
+            if not self._gate.moving and (now >= due or self._why_not_received()):
                 due = now + LOOKING_ROUND
                 self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
             silent = [need for need in self._needs() if need.topic in self._silent]
@@ -329,7 +329,7 @@ class RosAdapter(RemoteAdapter):
             errors = (
                 hangs and f"{self.place} {hangs}",
                 *self._bus.problems,
-                self._unheard(),
+                self._why_not_received(),
                 self._lock_problem,
                 *missing,
             )
@@ -422,7 +422,7 @@ class RosAdapter(RemoteAdapter):
             self._fix(early)
         if self._next_reading is not None and not self._next_reading.done():
             self._next_reading.set_result(None)
-        self._heard()
+        self._received()
 
     def _fix(self, message: dict[str, Any]) -> None:
         pose, arrived = messages.fix_in(message), time.time()
