@@ -162,7 +162,7 @@ class RemoteAdapter(ABC):
         return ""
 
     async def _settle(self) -> None:
-        """Wait briefly for what is not ready at the first reading."""
+        """Wait briefly for subscribers, which may be found after the first reading."""
 
     def _why_silent(self) -> str:
         """Return why `vital` readings are missing, in a sentence, "" when unknown."""

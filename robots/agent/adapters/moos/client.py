@@ -130,7 +130,7 @@ class MoosClient:
                 await asyncio.sleep(BEAT)
 
     def _send_time(self) -> asyncio.Future[None]:
-        """Return what is done at the answer: the database answers in order."""
+        """Return a future that completes with the answer: the database answers in order."""
         answer: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._asking.append(answer)
         self._send(wire.TIMING, wire.CLOCK, 0.0)
