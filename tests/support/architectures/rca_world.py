@@ -1,8 +1,5 @@
-"""The simulated robot behind an architecture of its own: it obeys velocities, finds short ways by
-itself, and docks.
-
-Stands for ROS, MOOS and the like in the tests of their adapters; `RcaRig` runs it in a thread
-beside the test.
+"""The simulated robot behind an architecture of its own, for the tests of adapters: it obeys
+velocities, plans short paths, and docks. `RcaRig` runs it in a thread beside the test.
 """
 
 import asyncio

@@ -1,5 +1,5 @@
 """A simulated robot that has only velocity, odometry and a laser, wrapped: the conformance suite,
-real drives, and a mind that dies.
+real drives, and a navigation process that dies.
 """
 
 import asyncio
@@ -49,7 +49,7 @@ def goto(action_id="g", **fields):
     return Goto(action_id=action_id, stamp=0.0, **({"place": "corridor-west"} | fields))
 
 
-# --- what is wrapped ------------------------------------------------------------------------------
+# --- which adapters are wrapped -------------------------------------------------------------------
 
 
 def test_a_robot_with_a_laser_and_no_localization_gets_ours_and_any_other_stays_as_it_is():
