@@ -14,14 +14,7 @@ from tests.support.people import person
 from tests.support.studies.questionnaires import NOW, defined, item, rows
 from tests.support.studies.study_pages import form_of
 
-pytestmark = pytest.mark.django_db
-
-
-@pytest.fixture(autouse=True)
-def boss(client):
-    user = person("boss", is_staff=True, is_superuser=True)
-    client.force_login(user)
-    return user
+pytestmark = [pytest.mark.django_db, pytest.mark.usefixtures("researcher")]
 
 
 def at(row: Questionnaire, *place: str) -> str:

@@ -10,7 +10,7 @@ from django.utils import timezone
 from experiments.definition.course import CourseTrack
 from experiments.definition.schema import digest, from_stored
 from experiments.models import Draw, Drive, Participant, ParticipantKind, Study, StudyMember
-from experiments.participation import advance, grants, progress
+from experiments.participation import advance, grants
 from experiments.participation.grants import StudyTerms
 from experiments.tasks.stored_records import track_of
 from robots.access import may_drive, may_observe
@@ -267,7 +267,7 @@ def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     assert isinstance(take(robot, participant.user), store.TakeGranted)
 
 
-def test_a_drive_of_a_study_is_private_to_participant_and_staff_unless_the_study_says_else(robot):
+def test_study_drives_are_private_unless_the_study_allows_observers(robot):
     participant = p.comer(p.published(small_study()), person("ada"))
     granted = take(robot, participant.user)
     assert (granted.terms.private, granted.lease.private) == (True, True)

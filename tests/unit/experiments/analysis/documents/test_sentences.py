@@ -73,7 +73,7 @@ def test_p_has_three_decimals_and_no_zero_before_the_point(p, text):
     assert probability(p) == text
 
 
-def test_what_cannot_exceed_one_has_no_zero_before_the_point():
+def test_values_that_cannot_exceed_one_have_no_zero_before_the_point():
     test = correlation(np.arange(9.0), np.array([2.0, 1, 3, 5, 4, 6, 9, 7, 8]) * -1.0)
     row = (words("loss"), words("speed"), *rows.tested(test, test.p))
     table = Table("n", "N.", ("Of the network", "Of the driving", *TESTED), (row,))

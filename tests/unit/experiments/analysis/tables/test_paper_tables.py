@@ -127,7 +127,7 @@ def table_5_of_scores(scores, interval):
     )
 
 
-def test_nobody_who_answered_gives_a_table_of_dashes():
+def test_a_questionnaire_without_answers_gives_a_table_of_dashes():
     found = table_5(answered())
     assert len(found.rows) == 13
     assert {cell.text for row in found.rows for cell in row[1:]} == {NOTHING, "0"}
