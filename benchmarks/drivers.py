@@ -44,8 +44,8 @@ def on_picture(hand: Callable[[Page], Any]) -> Callable[[Any, Any], float]:
 
 def controllers() -> dict[str, tuple[dict[str, Any], Callable[[Any, Any], float]]]:
     """Return each controller's kind of screen, and how one tours with it."""
-    from tests.support.browsers.first_time_user import Keys
-    from tests.support.browsers.scripted_visitor import Mouse, Pad, Thumb, Touch
+    from tests.support.browsers.first_time_user import Keys, Thumb, Touch
+    from tests.support.browsers.scripted_visitor import Mouse, Pad
 
     def fingers(page: Page) -> Touch:
         return Touch(page.context.new_cdp_session(page))
@@ -79,7 +79,7 @@ def tour(browser: Browser, name: str) -> list[Figure]:
         drove, methods = site.simulation, {command.method for _, command in site.applied}
     print(
         f"{name}, recorded as {' and '.join(sorted(methods))}: {seconds:.0f} s; was told"
-        f" {person.answers}",
+        f" {person.alerts}",
         flush=True,
     )
     return [

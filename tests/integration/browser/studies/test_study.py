@@ -13,7 +13,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from experiments.definition.shipped import shipped
-from tests.support.browsers.first_time_user import Finger, FirstTimeUser, Keys
+from tests.support.browsers.first_time_user import FirstTimeUser, Keys, Thumb, Touch
 from tests.support.browsers.visitor import turn_leaf
 from tests.support.sessions.site import PRESENCE, Site, running_site, wait_for
 
@@ -134,8 +134,10 @@ def take_the_robot(visitor) -> None:
     ).to_be_visible(timeout=20_000)
 
 
-def hands_for(page: Page, size: str) -> Keys | Finger:
-    return Finger(page, page.context.new_cdp_session(page)) if size == "phone" else Keys(page)
+def hands_for(page: Page, size: str) -> Keys | Thumb:
+    if size != "phone":
+        return Keys(page)
+    return Thumb(page, Touch(page.context.new_cdp_session(page)))
 
 
 # longer than a newcomer is waited for, so that it says how far one came

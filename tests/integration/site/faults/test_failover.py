@@ -142,6 +142,6 @@ async def goes_on(site, client, robot):
     cookie = await asyncio.to_thread(site.sign_in, "ben")
     async with DocumentClient(site.url, cookie) as next_one:
         await next_one.until(
-            lambda: next_one.heard["session/queued"], patient(15), "a place in the queue"
+            lambda: next_one.received["session/queued"], patient(15), "a place in the queue"
         )
     assert robot.session == session, "nobody has lost the drive"

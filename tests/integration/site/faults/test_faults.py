@@ -164,7 +164,7 @@ async def test_who_waits_at_a_robot_is_told_of_a_database_that_is_away(tmp_path,
                 site.url, await asyncio.to_thread(site.sign_in, "anna")
             ) as client:
                 await client.until(
-                    lambda: client.heard["server/status"] > 2 and not client.faults,
+                    lambda: client.received["server/status"] > 2 and not client.faults,
                     patient(20),
                     "a server that is well",
                 )
