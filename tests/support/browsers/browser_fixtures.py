@@ -15,7 +15,7 @@ from tests.support.sessions.site import LOOPBACK, running_site
 # Of every click and page; there is no public setting for all contexts.
 timeout_settings.DEFAULT_PLAYWRIGHT_TIMEOUT = patient(30.0) * 1000
 expect.set_options(timeout=patient(5.0) * 1000)
-expect_of_async.set_options(timeout=patient(5.0) * 1000)
+expect_of_async.set_options(timeout=patient(15.0) * 1000)
 
 
 @pytest.fixture(scope="module")

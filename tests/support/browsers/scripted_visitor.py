@@ -3,7 +3,7 @@ doors to the far end, and back.
 
 They use only what the page shows. With the mouse or a finger on the video they press on the
 farthest point of their route that is visible on the floor straight ahead, and on the next one
-before the robot arrives. To reach what is beside the video they press on its sides, which turns the robot.
+before the robot arrives. A press on the sides of the video turns the robot to what is beside it.
 """
 
 import math
