@@ -134,8 +134,20 @@ class Touch:
     def up(self) -> None:
         self._send("touchEnd")
 
+    def cancel(self) -> None:
+        self._send("touchCancel")
+
     def _send(self, kind: str, *points: dict[str, float]) -> None:
         self.touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": list(points)})
+
+
+def drag_with_finger(page: Page, x: float, y: float, right: float) -> None:
+    """Drag from a point to the right, in CSS pixels."""
+    finger = Touch(page.context.new_cdp_session(page))
+    finger.down(x, y)
+    for step in range(1, 6):
+        finger.move(x + right * step / 5, y)
+    finger.up()
 
 
 @dataclass
