@@ -1,5 +1,5 @@
-"""With no network interface but lo there is no WebRTC path: the robot is driven with single pictures
-that come through the server.
+"""With no network interface but lo there is no WebRTC path: the robot is driven with single
+pictures that come through the server.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The demo's study, for somebody who only has its link."""
+"""The demo's study, for a visitor who only has its link."""
 
 import pytest
 from django.utils import timezone
@@ -31,10 +31,10 @@ def test_whoever_follows_the_link_takes_part_without_an_account(client):
     assert "Sign up" not in front.text.partition("Take part")[2]
     assert "Write down this code." in read(client.post(f"/studies/{slug}/")).text
     assert Participant.objects.get().user.is_guest
-    for language, is_told in (("en", "a simulated robot"), ("es", "un robot simulado")):
+    for language, text in (("en", "a simulated robot"), ("es", "un robot simulado")):
         client.cookies["django_language"] = language
         consent = read(client.get(f"/studies/{slug}/step/")).text
-        assert is_told in consent
+        assert text in consent
         assert "edificio real" not in consent
         assert "real building" not in consent
         assert "profile" not in consent, "guests have none"

@@ -1,8 +1,7 @@
-"""Practice robots: how many run and when, the processes that are started and ended, and where a
-visitor is sent.
-"""
+"""Practice robots: how many run and when, their processes, and which one a visitor gets."""
 
 import datetime
+import functools
 
 import pytest
 from django.utils import timezone
@@ -29,6 +28,7 @@ NOBODY = Demand(None, frozenset(), {})
 
 
 def waits(at: float = NOW, *taken: str, left: dict[str, float] | None = None) -> Demand:
+    """Return the demand of a visitor who waits since a moment."""
     return Demand(at, frozenset(taken), left or {})
 
 
@@ -64,10 +64,7 @@ def test_nobodys_practice_ends_because_nobody_waits_any_more():
 def test_a_robot_is_started_anew_after_its_visitor():
     left = {"practice-1": NOW - 1.0}
     assert decide(NAMES, waits(left=left), alive("practice-1"), NOW)[0] == StopRobot("practice-1")
-    ended = {
-        "practice-1": Process(NOW - 100.0, alive=False),
-        "practice-2": Process(NOW - 100.0, alive=True),
-    }
+    ended = alive(*NAMES) | {"practice-1": Process(NOW - 100.0, alive=False)}
     assert decide(NAMES, waits(left=left), ended, NOW) == []
     assert decide(["practice-1"], waits(left=left), ended, NOW) == [StartRobot("practice-1")]
 
@@ -109,15 +106,9 @@ def process(supervisor: Supervisor):
 
 
 def visit(visitor: User, robot: Robot, **changes) -> Session:
-    now = timezone.now()
-    fields = {
-        "robot": robot,
-        "visitor": visitor,
-        "live_key": f"{robot.pk}:{visitor.pk}",
-        "queued_at": now,
-        "seen_at": now,
-    }
-    return Session.objects.create(**{**fields, **changes})
+    fields = {"live_key": f"{robot.pk}:{visitor.pk}", "queued_at": timezone.now()}
+    fields |= {"seen_at": timezone.now(), **changes}
+    return Session.objects.create(robot=robot, visitor=visitor, **fields)
 
 
 def drives(visitor: User) -> Session:
@@ -134,11 +125,8 @@ def test_a_robot_is_started_when_somebody_waits_for_a_real_one(supervisor, ana):
 
 
 def test_who_waits_with_a_closed_page_wants_no_practice(supervisor, ana):
-    visit(
-        ana,
-        Robot.objects.create(name="giraff", title="Giraff"),
-        seen_at=timezone.now() - datetime.timedelta(minutes=5),
-    )
+    earlier = timezone.now() - datetime.timedelta(minutes=5)
+    visit(ana, Robot.objects.create(name="giraff", title="Giraff"), seen_at=earlier)
     supervisor.look()
     assert supervisor._running == {}
 
@@ -219,26 +207,20 @@ def test_a_robot_that_is_gone_when_it_is_to_be_ended_is_no_error(supervisor, ana
 
 def test_a_robot_that_died_is_named_once_with_its_reason_and_its_log(supervisor, ana, caplog):
     drives(ana)
-    said = []
-    supervisor._tell = said.append
+    sentences = []
+    supervisor._tell = sentences.append
     supervisor.look()
     process(supervisor).kill()
     process(supervisor).wait()
     supervisor.look()
     supervisor.look()
-    assert len(said) == 1
-    assert said[0].startswith(
-        "The practice robot practice-1 ended: it was ended by SIGKILL (its log"
-    )
-    told = [
-        record.getMessage()
-        for record in caplog.records
-        if record.getMessage().startswith("practice_robot_died")
-    ]
-    assert len(told) == 1
-    assert "robot=practice-1" in told[0]
-    assert "SIGKILL" in told[0]
-    assert "practice-1.log" in told[0]
+    (sentence,) = sentences
+    ended = "The practice robot practice-1 ended: it was ended by SIGKILL (its log"
+    assert sentence.startswith(ended)
+    lines = [record.getMessage() for record in caplog.records]
+    (line,) = [line for line in lines if line.startswith("practice_robot_died")]
+    for word in ("robot=practice-1", "SIGKILL", "practice-1.log"):
+        assert word in line
 
 
 def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_fewer(
@@ -251,10 +233,8 @@ def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_few
         ("practice-1", True, True),
         ("practice-2", False, True),
     ]
-    assert (
-        Robot.objects.get(name="practice-1").credentials.credential_hash
-        == robot.credentials.credential_hash
-    )
+    kept = Robot.objects.get(name="practice-1").credentials.credential_hash
+    assert kept == robot.credentials.credential_hash
     assert FloorPlan.objects.count() == 1
 
 
@@ -262,26 +242,11 @@ def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_few
 
 
 def test_a_visitor_is_sent_where_the_turn_comes_first_and_to_no_robot_that_is_not_there_yet():
+    one, two = (functools.partial(PracticePlace, name) for name in NAMES)
     assert choose([]) is None
-    assert choose([PracticePlace("practice-1", there=False, taken=0)]) is None
-    assert (
-        choose(
-            [
-                PracticePlace("practice-1", there=True, taken=1),
-                PracticePlace("practice-2", there=False, taken=0),
-            ]
-        )
-        == "practice-1"
-    )
-    assert (
-        choose(
-            [
-                PracticePlace("practice-1", there=True, taken=2),
-                PracticePlace("practice-2", there=True, taken=1),
-            ]
-        )
-        == "practice-2"
-    )
+    assert choose([one(there=False, taken=0)]) is None
+    assert choose([one(there=True, taken=1), two(there=False, taken=0)]) == "practice-1"
+    assert choose([one(there=True, taken=2), two(there=True, taken=1)]) == "practice-2"
 
 
 def test_the_site_says_where_to_practise_as_soon_as_a_robot_is_there(client, practice, ana):

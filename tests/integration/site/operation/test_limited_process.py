@@ -1,4 +1,4 @@
-"""A function in a process of its own: its answer, its refusals, and what it may not use."""
+"""A function in a process of its own: its answer, its refusals, and its limits."""
 
 import os
 import time
@@ -98,10 +98,8 @@ def test_a_library_that_cannot_be_loaded_is_named(monkeypatch):
 
 
 def test_who_waited_for_another_import_in_vain_is_told_so():
-    with (
-        limited_process._one_at_a_time,
-        pytest.raises(ImportRefusedError, match="Another import is running"),
-    ):
+    refused = pytest.raises(ImportRefusedError, match="Another import is running")
+    with limited_process._one_at_a_time, refused:
         run_limited(doubled, b"", [], limits=ChildLimits(elapsed=0.1))
 
 

@@ -1,7 +1,7 @@
-"""What runs the tests is itself no reason to believe a run: a word that it does not know, a run
-without a test and a part that failed are red, and whoever ends it finds what it had said.
+"""deploy/run_tests.sh fails for an unknown word, a run without any test and a failed part, and
+shows the output of its parts when it is interrupted.
 
-A shell script answers for the programs of the virtual environment, so that each run takes seconds.
+A shell script replaces the programs of the virtual environment, so that each run takes seconds.
 """
 
 import os
@@ -39,12 +39,9 @@ class Runner:
         for name in ("python", "mypy"):
             (programs / name).write_text(ANSWER)
             (programs / name).chmod(0o755)
-        self.environment = {
-            "PATH": os.environ["PATH"],
-            "BIN": str(programs),
-            "CALLED": str(self.called),
-            "TMPDIR": str(self.temporary),
-        }
+        folders = {"BIN": programs, "CALLED": self.called, "TMPDIR": self.temporary}
+        self.environment = {name: str(path) for name, path in folders.items()}
+        self.environment["PATH"] = os.environ["PATH"]
 
     def begin(self, word: str, **more: str) -> subprocess.Popen[str]:
         return subprocess.Popen(
