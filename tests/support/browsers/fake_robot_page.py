@@ -85,10 +85,7 @@ class FakeRobotPage:
         self.model = model
         own = {name: getattr(model, name) for name in ("limits", "footprint", "camera", "tilt")}
         self.factsheet: dict[str, Any] = {"name": ROBOT, "series": "Giraff", **own}
-        self.factsheet |= {
-            "laser": m.Laser(x=model.laser.x),
-            "capabilities": ("velocity", "video"),
-        }
+        self.factsheet |= {"laser": m.Laser(x=model.laser.x), "capabilities": ("velocity", "video")}
         self.camera = camera or SyntheticCamera(fps=FPS)
         if isinstance(self.camera, SceneSource):
             self.camera.simulation = self.simulation

@@ -163,10 +163,9 @@ async def test_a_light_robot_says_what_a_real_one_says_and_counts_its_states(rob
         [1],
     )
     robot.heard(topics.of("light-0", "lease"), b"", retained=False)
-    assert [suffix for suffix, _ in said(robot)] == [
-        "state",
-        "event",
-    ], "its last state, and that it was the last"
+    assert [suffix for suffix, _ in said(robot)] == ["state", "event"], (
+        "its last state, and that it was the last"
+    )
     robot._say_state()
     assert robot.states == {"s1": 2}
 

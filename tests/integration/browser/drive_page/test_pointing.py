@@ -64,9 +64,7 @@ async def goal(page: Page) -> tuple[float, float]:
     return float(x), float(y)
 
 
-async def test_press_shows_the_path_and_its_release_drives_or_turns(
-    browser,
-):
+async def test_press_shows_the_path_and_its_release_drives_or_turns(browser):
     async with at(browser, "corridor-centre") as (page, site):
         await page.mouse.click(*await place(page, 0.5, 0.04))
         await page.wait_for_selector("#alert[data-word='point.sky']")
@@ -86,9 +84,7 @@ async def test_press_shows_the_path_and_its_release_drives_or_turns(
         assert not stops(site)
 
 
-async def test_reason_for_a_refused_press_stays_readable_while_driving_on(
-    browser,
-):
+async def test_reason_for_a_refused_press_stays_readable_while_driving_on(browser):
     async with at(browser, "lab-before-door") as (page, site):
         await page.mouse.click(*await place(page, 0.5, 0.85))
         await until(lambda: [c for _, c in site.applied if c.linear > 0.05])
@@ -104,9 +100,7 @@ async def test_reason_for_a_refused_press_stays_readable_while_driving_on(
         assert drawn - shown > 6.0
 
 
-async def test_key_overrides_mouse_gamepad_overrides_key_and_unplugging_stops(
-    browser,
-):
+async def test_key_overrides_mouse_gamepad_overrides_key_and_unplugging_stops(browser):
     async with at(browser, "corridor-centre") as (page, site):
         await page.mouse.click(*await place(page, 0.5, 0.75))
         await until(lambda: [c for c in commands(site, "mouse") if c.linear > 0.0])
@@ -136,9 +130,7 @@ async def test_finger_held_on_the_video_drives_and_lifting_it_stops(browser):
 
 
 @pytest.mark.nightly
-async def test_button_leaves_the_dock_and_a_robot_that_does_not_move_says_why(
-    browser,
-):
+async def test_button_leaves_the_dock_and_a_robot_that_does_not_move_says_why(browser):
     async with at(browser, "dock") as (page, site):
         await page.keyboard.down("ArrowUp")
         await page.wait_for_selector(
@@ -207,9 +199,7 @@ async def test_turn_around_by_button_and_key_ends_nearly_opposite(browser):
 
 
 @pytest.mark.nightly
-async def test_blocked_press_is_shown_and_the_robot_offers_to_drive_around(
-    browser,
-):
+async def test_blocked_press_is_shown_and_the_robot_offers_to_drive_around(browser):
     plan, _ = load_plan("office")
     scene = SceneSource(plan, 5.0)
     able = (*CAPABILITIES, "goto")

@@ -323,9 +323,7 @@ async def test_screen_accepts_calls_where_required_and_stops_the_robot(browser, 
     assert complaints == []
 
 
-async def test_screen_page_provides_camera_and_microphone_of_the_robot(
-    browser,
-) -> None:
+async def test_screen_page_provides_camera_and_microphone_of_the_robot(browser) -> None:
     complaints: list[str] = []
     with PresentRobotPage(from_page=True) as site:
         await opened(browser, site.screen_url, complaints)

@@ -223,9 +223,7 @@ def test_option_is_dragged_with_the_mouse_and_the_first_order_counts(respondent)
     assert stored(page) == {"r": ["b", "c", "a"]}
 
 
-def test_option_dragged_by_finger_returns_when_the_touch_is_cancelled(
-    respondent,
-):
+def test_option_dragged_by_finger_returns_when_the_touch_is_cancelled(respondent):
     page = respondent(store(defined(RANKED), NOW), PHONE, has_touch=True)
     boxes = {name: handle_of(page, name).bounding_box() for name in "AC"}
     finger = Touch(page.context.new_cdp_session(page))

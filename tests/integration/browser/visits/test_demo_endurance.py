@@ -85,9 +85,7 @@ def test_killed_practice_robot_is_restarted_for_its_visitor(people):
     people.ana_drives()
 
 
-def test_killed_practice_supervisor_leaves_no_robot_and_is_replaced(
-    people,
-):
+def test_killed_practice_supervisor_leaves_no_robot_and_is_replaced(people):
     people.cy_begins_to_practise()
     robot = practice_robot(people)
     assert robot is not None

@@ -15,14 +15,7 @@ from accounts.models import AuditEntry, User
 from accounts.passwordless import create_guest
 from experiments.export import reports
 from experiments.extraction.pseudonyms import Pseudonyms
-from experiments.models import (
-    Appointment,
-    ConsentReceipt,
-    Contact,
-    Participant,
-    Study,
-    StudyMember,
-)
+from experiments.models import Appointment, ConsentReceipt, Contact, Participant, Study, StudyMember
 from experiments.participation import links
 from experiments.participation.withdrawal import deletion
 from robots.models import Robot, RobotPermit
