@@ -4,6 +4,7 @@ the drive page and the robot's screen.
 
 import functools
 import re
+from dataclasses import asdict
 
 import msgspec
 import numpy as np
@@ -139,7 +140,7 @@ def test_pages_of_researchers(opened, monkeypatch):
     built = f"/admin/experiments/study/{study.pk}/build"
     ours = [f"{built}/about/", f"{built}/steps/0/", f"{built}/conditions/0/", f"{built}/courses/0/"]
     rehearsal = Rehearsal.objects.create(
-        study=study, began_at=timezone.now(), status="done", report=REPORT.as_data()
+        study=study, began_at=timezone.now(), status="done", report=asdict(REPORT)
     )
     ours.append(f"/admin/experiments/rehearsal/{rehearsal.pk}/change/")
     check(page, *own, *ours)
