@@ -81,4 +81,4 @@ def open_page(browser, live_server):
     yield open_it
     for context in contexts:
         context.close()
-    assert problems == []
+    assert problems == [], problems
