@@ -233,7 +233,7 @@ def test_the_agent_calls_nothing_that_windows_or_a_newer_python_lacks(path):
         ("def f():\n    if sys.platform == 'win32':\n        log()\n    os.nice(1)", ["os.nice"]),
     ],
 )
-def test_what_is_called_unguarded_is_found(source, found):
+def test_an_unguarded_call_is_found(source, found):
     assert problems(source) == found
 
 
@@ -250,7 +250,7 @@ def test_what_is_called_unguarded_is_found(source, found):
         "import os\nos.replace('a', 'b')",
     ],
 )
-def test_what_is_guarded_or_everywhere_is_let_through(source):
+def test_guarded_or_portable_calls_are_accepted(source):
     assert problems(source) == []
 
 

@@ -7,7 +7,7 @@ from playwright.async_api import expect as expect_of_async
 from playwright.sync_api import Page, expect, sync_playwright
 
 from accounts.models import User
-from tests.support.browsers.visitor import Visitor, chromium, note_problems
+from tests.support.browsers.visitor import Visitor, chromium
 from tests.support.patience import patient
 from tests.support.programs.namespace import HERE
 from tests.support.sessions.site import LOOPBACK, running_site
@@ -75,7 +75,7 @@ def open_page(browser, live_server):
             cookie = {"name": "sessionid", "value": session, "url": live_server.url}
             contexts[-1].add_cookies([cookie])
         page = contexts[-1].new_page()
-        note_problems(page, problems)
+        page.on("pageerror", lambda error: problems.append(str(error)))
         return page
 
     yield open_it

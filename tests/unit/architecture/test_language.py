@@ -89,7 +89,7 @@ def _everything() -> Iterator[tuple[str, str]]:
 
 
 @pytest.mark.parametrize("pattern", INSTEAD)
-def test_nothing_reads_like_a_translation(pattern):
+def test_no_text_reads_like_a_translation(pattern):
     found = [
         f"{where}: …{text[max(0, hit.start() - 30) : hit.end() + 40]}…"
         for where, text in everything()

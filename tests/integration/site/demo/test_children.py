@@ -56,7 +56,7 @@ def test_a_part_that_ends_is_named_though_another_is_waited_for(children):
         children.start_together(parts, within=60)
 
 
-def test_a_part_that_is_never_ready_is_named_with_its_last_words(children):
+def test_a_part_that_is_never_ready_is_named_with_its_last_lines(children):
     broker = DemoPart("broker", ["-c", LIVE], lambda _child: False)
     with pytest.raises(StartFailed, match="The broker was not ready in time"):
         children.start_together([broker], within=0.2)

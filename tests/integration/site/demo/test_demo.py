@@ -74,7 +74,7 @@ ENDINGS = [
 
 
 @pytest.mark.parametrize(("number", "background"), ENDINGS)
-def test_the_link_opens_the_robot_the_end_leaves_no_process_and_a_second_start_keeps_the_data(
+def test_the_demo_opens_the_robot_ends_all_processes_and_keeps_its_data(
     tmp_path, number, background
 ):
     port = free_port()

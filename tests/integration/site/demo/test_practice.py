@@ -39,11 +39,11 @@ def alive(*names: str, since: float = NOW - 100.0) -> dict[str, Process]:
 # --- how many -------------------------------------------------------------------------------------
 
 
-def test_nothing_runs_while_nobody_waits():
+def test_no_practice_robot_runs_without_a_visitor():
     assert decide(NAMES, NOBODY, {}, NOW) == []
 
 
-def test_whoever_waits_finds_one_robot_and_whoever_comes_next_another_until_the_house_is_full():
+def test_each_visitor_gets_a_practice_robot_until_all_are_taken():
     assert decide(NAMES, waits(), {}, NOW) == [StartRobot("practice-1")]
     assert decide(NAMES, waits(), alive("practice-1"), NOW) == []
     assert decide(NAMES, waits(NOW, "practice-1"), alive("practice-1"), NOW) == [
@@ -69,7 +69,7 @@ def test_a_robot_is_started_anew_after_its_visitor():
     assert decide(["practice-1"], waits(left=left), ended, NOW) == [StartRobot("practice-1")]
 
 
-def test_a_robot_that_died_under_its_visitor_is_back_first_and_not_faster_than_every_few_seconds():
+def test_a_robot_killed_during_a_visit_is_restarted_first_but_not_too_often():
     dead = {"practice-2": Process(NOW - 1.0, alive=False)}
     demand = Demand(None, frozenset({"practice-2"}), {})
     assert StartRobot("practice-2") not in decide(NAMES, demand, dead, NOW)
@@ -124,7 +124,7 @@ def test_a_robot_is_started_when_somebody_waits_for_a_real_one(supervisor, ana):
     assert process(supervisor).poll() is None
 
 
-def test_who_waits_with_a_closed_page_wants_no_practice(supervisor, ana):
+def test_a_waiting_visitor_with_a_closed_page_gets_no_practice_robot(supervisor, ana):
     earlier = timezone.now() - datetime.timedelta(minutes=5)
     visit(ana, Robot.objects.create(name="giraff", title="Giraff"), seen_at=earlier)
     supervisor.look()
@@ -145,7 +145,7 @@ def test_a_practice_robot_that_dies_is_there_again_for_the_visitor_who_drives_it
     assert process(supervisor).poll() is None
 
 
-def test_a_new_supervisor_starts_the_robot_of_whoever_is_practising(
+def test_a_new_supervisor_starts_the_robot_of_a_practising_visitor(
     supervisor, practice, ana, tmp_path
 ):
     drives(ana)
@@ -174,9 +174,7 @@ def leaves(session: Session) -> None:
     )
 
 
-def test_one_practises_after_the_other_ten_times_and_each_finds_a_robot_that_was_started_for_them(
-    supervisor, ana, monkeypatch
-):
+def test_ten_visitors_practise_in_turn_each_with_a_robot_of_their_own(supervisor, ana, monkeypatch):
     monkeypatch.setattr("telepresence_site.practice.pool.AGAIN", 0.0)
     visit(ana, Robot.objects.create(name="giraff", title="Giraff"))
     seen = set()
@@ -241,7 +239,7 @@ def test_the_rows_of_practice_robots_are_made_once_and_closed_when_there_are_few
 # --- where to practise ----------------------------------------------------------------------------
 
 
-def test_a_visitor_is_sent_where_the_turn_comes_first_and_to_no_robot_that_is_not_there_yet():
+def test_a_visitor_is_sent_to_the_shortest_queue_of_a_robot_that_is_online():
     one, two = (functools.partial(PracticePlace, name) for name in NAMES)
     assert choose([]) is None
     assert choose([one(there=False, taken=0)]) is None
@@ -272,7 +270,7 @@ def test_only_a_practice_robots_page_may_stand_in_a_frame_and_only_in_one_of_our
     assert '"practice": "/practice/"' in whole.content.decode()
 
 
-def test_practice_robots_stand_on_no_list_and_pages_of_a_site_without_them_offer_none(
+def test_practice_robots_are_on_no_list_and_offered_only_where_there_are_any(
     client, practice, ana, settings
 ):
     Robot.objects.create(name="giraff", title="Giraff")

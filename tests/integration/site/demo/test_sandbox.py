@@ -64,9 +64,7 @@ def test_every_robot_of_a_sandbox_has_a_name_that_a_robot_can_have():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_study_with_a_robot_that_nobody_simulates_is_refused_before_anything_is_started(
-    tmp_path, settings
-):
+def test_a_study_with_a_robot_without_simulator_is_refused_before_the_start(tmp_path, settings):
     settings.VAR_DIR = tmp_path
     publishing.store(another(shipped()["exploration"], rhodon="rosie"), timezone.now())
     sentence = "There is no simulation of rosie: bots can rehearse only with giraff, rhodon."
@@ -82,14 +80,14 @@ def test_a_study_with_a_hidden_operator_is_refused_with_what_it_needs():
     assert [text for text in found if "hidden operator" in text] == [plan.WITH_OPERATOR]
 
 
-def test_what_this_computers_own_agent_is_told_does_not_reach_the_simulated_ones(tmp_path):
+def test_settings_of_the_computers_own_agent_do_not_reach_simulated_ones(tmp_path):
     outside = {"PATH": "/bin", "TELEPRESENCE_SERVER": "https://x", "TELEPRESENCE_VAR": "/var"}
     inside = sandbox.environment(tmp_path, outside)
     assert inside["PATH"] == "/bin"
     assert not [name for name in inside if name.startswith("TELEPRESENCE_")]
 
 
-def test_a_part_that_ends_meanwhile_fails_the_play_with_its_last_words(
+def test_a_part_that_ends_during_the_play_fails_it_with_its_last_lines(
     tmp_path, settings, monkeypatch
 ):
     settings.VAR_DIR = tmp_path

@@ -57,7 +57,7 @@ def kill(child: Child) -> None:
 
 
 @pytest.mark.parametrize("is_essential", [True, False], ids=["essential", "not essential"])
-def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_twice_in_a_row(
+def test_a_killed_part_is_named_with_its_log_and_again_when_it_is_back(
     children, supervisor, sentences, is_essential
 ):
     start(supervisor, DemoPart("broker", LIVE, says_ready, is_essential))
@@ -73,7 +73,7 @@ def test_a_part_that_is_killed_is_named_with_its_log_and_again_when_it_is_back_t
         assert children.running[0] is not first
 
 
-def test_what_a_part_tells_of_its_own_children_is_said_once(supervisor, sentences):
+def test_messages_of_a_parts_children_are_printed_once(supervisor, sentences):
     lines = f"{TELLS}The practice robot ended.", "2026 not for people", f"{TELLS}One é more."
     script = f"import time; print({chr(10).join(lines)!r}, flush=True); time.sleep(600)"
     start(supervisor, DemoPart("practice", ["-c", script], lambda _child: True, tells=True))
@@ -99,9 +99,7 @@ def test_a_part_whose_log_cannot_be_written_is_tried_again_until_it_can(
     look_until(supervisor, lambda: "The robot is back after" in sentences[-1])
 
 
-def test_an_essential_part_that_dies_again_and_again_is_lost_with_its_own_reason(
-    supervisor, sentences
-):
+def test_an_essential_part_that_keeps_failing_is_lost_with_its_own_reason(supervisor, sentences):
     with pytest.raises(
         PartLostError,
         match=r"The broker ended: the port is taken \(its log: .*\)\. It ended 3 times in a row",
@@ -156,7 +154,7 @@ def test_a_part_that_dies_while_another_is_waited_for_is_started_again(
     assert all(child.process.poll() is None for child in children.running)
 
 
-def test_what_a_part_wrote_before_it_died_stays_in_its_log_and_is_not_taken_for_the_next_ones_words(
+def test_the_log_keeps_the_lines_of_a_killed_part_apart_from_those_of_the_next(
     children,
 ):
     first = children.start("broker", ["-c", "print('ready', flush=True); raise SystemExit(1)"])

@@ -97,7 +97,7 @@ async def driving(site):
     await asyncio.to_thread(wait_for, ended, 60, "the end of the session")
 
 
-async def test_a_disk_that_is_nearly_full_is_told_and_turns_nobody_away(site):
+async def test_a_nearly_full_disk_is_reported_and_visits_go_on(site):
     async with driving(site) as client:
         assert readyz(site)[1]["disk"] == "ok"
         fill(site, 5 * MB)

@@ -163,7 +163,7 @@ def is_recorded_whole(site, session) -> None:
 
 
 @pytest.mark.parametrize("adapter", ARCHITECTURES)
-async def test_a_visitor_drives_by_page_and_map_loses_the_architecture_gets_it_back_and_is_recorded(
+async def test_a_recorded_drive_by_page_and_map_survives_a_loss_of_the_architecture(
     adapter, site, tmp_path
 ):
     browser = await asyncio.to_thread(signed_in, site, f"visitor-of-{adapter}")

@@ -96,7 +96,7 @@ def sites(tmp_path, databases):
 
 
 @pytest.mark.nightly
-def test_what_was_backed_up_comes_back_and_nothing_is_ever_overwritten(tmp_path, sites):
+def test_a_backup_is_restored_without_overwriting_anything(tmp_path, sites):
     first, second = sites
     file = str(tmp_path / "backup.tar.gz")
     first.fill()
@@ -171,12 +171,12 @@ OUTSIDE = [*map(tarfile.TarInfo, ("../evil", "/etc/evil", "a/../../evil")), link
 
 
 @pytest.mark.parametrize("info", OUTSIDE, ids=lambda info: info.name)
-def test_what_leads_out_of_its_place_is_refused(tmp_path, info):
+def test_paths_outside_of_the_backup_are_refused(tmp_path, info):
     with pytest.raises(BackupError, match=r"points outside its folder|is not a file"):
         opened(forged(tmp_path / "f", [(info, b"")]), tmp_path)
 
 
-def test_what_the_manifest_does_not_name_is_refused(tmp_path):
+def test_files_that_the_manifest_does_not_name_are_refused(tmp_path):
     with pytest.raises(BackupError, match="media/x is not what was written"):
         opened(forged(tmp_path / "f", [(tarfile.TarInfo("media/x"), b"x")]), tmp_path)
 

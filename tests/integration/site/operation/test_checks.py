@@ -41,14 +41,14 @@ def check_deploy(tmp_path, *, folder=0o700, **changed):
 
 
 @pytest.mark.nightly
-def test_a_sensible_server_passes_the_deployment_check_without_a_word(tmp_path):
+def test_a_sensible_server_passes_the_deployment_check_silently(tmp_path):
     result = check_deploy(tmp_path)
     assert result.returncode == 0, result.stderr
     assert "no issues" in result.stdout
 
 
 @pytest.mark.nightly
-def test_a_careless_server_is_told_everything_that_is_wrong(tmp_path):
+def test_a_careless_server_gets_a_warning_for_each_mistake(tmp_path):
     careless = dict.fromkeys(("SECRET_KEY", "REDIS_URL", "EMAIL_HOST", "BEHIND_TLS_PROXY"), "")
     careless |= {"HTTP_ONLY": "1", "MQTT_PUBLIC_URL": "mqtt://{host}:1883", "DEMO_TOKEN": "x"}
     result = check_deploy(tmp_path, **careless, folder=0o755)
@@ -62,7 +62,7 @@ def test_the_tests_own_settings_pass_every_check():
     assert [message for message in run_checks() if message.id.startswith("telepresence.")] == []
 
 
-def test_a_disk_without_much_room_is_told_when_a_command_starts(settings):
+def test_a_command_warns_of_a_nearly_full_disk_when_it_starts(settings):
     assert found_by(checks.check_disk) == []
     settings.DISK_LOW_MB = 1e9
     assert found_by(checks.check_disk) == ["telepresence.W010"]
@@ -137,7 +137,7 @@ def test_a_bound_that_lets_nobody_in_is_none(settings, name):
     assert found_by(checks.check_numbers) == ["telepresence.E005"]
 
 
-def test_nobody_need_be_asked_whether_they_are_there_but_not_in_negative_time(settings):
+def test_the_presence_question_may_be_off_but_not_negative(settings):
     settings.IDLE_SECONDS = 0.0
     assert found_by(checks.check_numbers) == []
     settings.IDLE_SECONDS = -1.0

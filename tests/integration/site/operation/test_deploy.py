@@ -290,7 +290,7 @@ def test_the_proxys_certificate_is_copied_when_it_is_new_to_those_that_are_there
     assert machine.file("etc/mosquitto/certs/privkey.pem").read_text() == "second key"
 
 
-def test_before_the_proxy_has_a_certificate_nobody_is_told_anything(machine):
+def test_no_warning_is_shown_before_the_proxy_has_a_certificate(machine):
     code, output, called = machine.copy()
     assert (code, called) == (1, "")
     assert "no certificate of robots.example.org yet" in output
@@ -305,7 +305,7 @@ def test_certbots_certificate_is_copied_too(machine):
     assert machine.file("etc/mosquitto/certs/privkey.pem").read_text() == "key"
 
 
-def test_what_a_server_copies_lies_where_its_programs_look_for_it():
+def test_a_server_copies_files_to_where_its_programs_look_for_them():
     script = (DEPLOY / "copy_certificates.sh").read_text()
     users = ("mosquitto/telepresence.conf", "coturn/turnserver.conf")
     for file in (*users, "systemd/telepresence-broker.service"):

@@ -107,7 +107,7 @@ async def test_without_session_manager_and_broker_it_is_not_and_says_so(bridge):
     assert answer == {"ready": False, "broker": "away", "session_manager": "none", **ok}
 
 
-async def test_a_database_that_is_away_is_a_word_and_no_failure(bridge, monkeypatch):
+async def test_a_missing_database_is_a_message_not_a_failure(bridge, monkeypatch):
     monkeypatch.setattr(ManagerBeat.objects, "filter", broken_database)
     status, answer = await ask()
     assert (status, answer["database"], answer["session_manager"]) == (503, "away", "unknown")

@@ -91,7 +91,7 @@ def test_a_dry_run_counts_and_forgets_nothing_and_what_was_forgotten_is_logged(r
     assert {"kind": "sessions", "count": 1} in logged
 
 
-def test_what_is_kept_for_ever_is_kept_for_ever(robot, settings):
+def test_records_without_a_retention_limit_are_kept(robot, settings):
     settings.RETENTION_DAYS = dict.fromkeys(settings.RETENTION_DAYS, 0.0)
     visit(robot, "last_year", 4000)
     assert forget() == {"enrolments": 0, "guests": 0}
@@ -186,7 +186,7 @@ def zaphod():
 
 
 @pytest.mark.parametrize("by", ["themselves", "an administrator"])
-def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, by):
+def test_no_data_are_left_of_a_deleted_account(robot, by):
     user = zaphod()
     one, key = everything_of(user, robot), user.pk
     tables = {trace.partition(": ")[0] for trace in traces(MARKS)}

@@ -132,7 +132,7 @@ async def test_hands_and_questions_reach_the_driver_on_the_other_process(server)
 
 
 @pytest.mark.soak
-async def test_a_hand_is_up_as_long_as_its_page_though_a_web_process_dies(server):
+async def test_a_raised_hand_stays_as_long_as_its_page_when_a_web_process_is_killed(server):
     async with online_robot(server), contextlib.AsyncExitStack() as stack:
         tabs = [Tab(server, name) for name in ("ada", "bob", "cy", "dee", "eve")]
         ada, *watchers = [await stack.enter_async_context(tab) for tab in tabs]

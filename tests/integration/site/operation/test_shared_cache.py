@@ -82,7 +82,7 @@ def test_people_log_in_while_redis_is_away(redis, client):
     assert answer.headers["Location"] == reverse("home")
 
 
-def test_what_others_write_to_redis_runs_no_code(redis, tmp_path):
+def test_foreign_data_in_redis_run_no_code(redis, tmp_path):
     assert eventually(is_shared)
 
     class Evil:

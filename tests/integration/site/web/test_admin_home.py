@@ -56,9 +56,7 @@ def boss(client):
     return user
 
 
-def test_the_card_of_robots_counts_those_online_in_use_and_in_trouble_and_no_practice_robot(
-    client, boss
-):
+def test_the_card_of_robots_counts_online_busy_and_failing_ones_without_practice(client, boss):
     giraff = online("giraff")
     online("stopped", report={"safety": {"estop": True}})
     online("away", report={"errors": ["adapter_lost: no answer from the base"]})
@@ -175,7 +173,7 @@ def test_an_owner_finds_those_of_their_robots_with_a_problem(client):
     assert [robot.name for robot in client.get(url).context["cl"].queryset] == ["stopped"]
 
 
-def test_a_silent_session_manager_is_told_to_whoever_sees_the_site_and_to_nobody_else(client, boss):
+def test_only_operators_see_that_the_session_manager_is_silent(client, boss):
     said = "The session manager isn't running"
     assert said in read(client.get(reverse(HOME))).text
     ManagerBeat.objects.create(name="manager", holder="here:1", beat_at=timezone.now())

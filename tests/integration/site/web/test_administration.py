@@ -44,7 +44,7 @@ def test_broker_and_session_manager_start_without_the_administration():
         "from django.core.checks import run_checks; run_checks(tags=['admin'])",
     ],
 )
-def test_whoever_shows_or_checks_it_has_every_part(then):
+def test_every_part_is_shown_and_checked(then):
     assert loaded(then) >= PARTS
 
 

@@ -78,7 +78,7 @@ def card_of(client, name: str) -> dict:
         ("es", ("Lo estás conduciendo", "Volver a tu conducción")),
     ],
 )
-def test_who_drives_a_robot_is_led_back_to_it(client, robots, state, language, said):
+def test_a_driver_is_led_back_to_the_robot(client, robots, state, language, said):
     own = visit(robots["rhodon"], "driver", state)
     visit(robots["rhodon"], "second", "waiting")
     client.force_login(own.visitor)
@@ -99,9 +99,7 @@ def test_who_drives_a_robot_is_led_back_to_it(client, robots, state, language, s
         ("es", ("Tienes el número 2 en la cola", "Volver a la cola")),
     ],
 )
-def test_who_waits_for_a_robot_reads_their_place_and_is_led_back_to_it(
-    client, robots, language, said
-):
+def test_a_queued_visitor_sees_their_place_and_is_led_back(client, robots, language, said):
     visit(robots["rhodon"], "driver", "driving")
     visit(robots["rhodon"], "first", "waiting")
     second = visit(robots["rhodon"], "second", "waiting")
@@ -211,7 +209,7 @@ def test_the_first_button_leads_to_a_robot_for_everybody_even_if_it_is_in_use(cl
     assert shown()["invitation"].url == "#robots"
 
 
-def test_whoever_has_driven_is_led_to_such_a_robot_first_all_the_same(client, robots):
+def test_a_visitor_who_has_driven_is_still_led_to_such_a_robot_first(client, robots):
     Robot.objects.filter(name="rhodon").update(for_experienced=True)
     visit(robots["giraff"], "driver", "driving")
     driven = visit(robots["rhodon"], "ada", "ended")
@@ -331,7 +329,7 @@ def test_the_manifest_names_icons_that_are_there(client):
         assert client.get(icon["src"]).status_code == 200, icon["src"]
 
 
-def test_the_manifest_says_what_an_installed_page_is_and_shows_pictures_of_their_true_size(client):
+def test_the_manifest_describes_the_installed_page_with_icons_of_true_size(client):
     manifest = client.get(reverse("manifest")).json()
     installed = {"id": "/", "scope": "/", "display": "standalone", "orientation": "any"}
     assert installed.items() <= manifest.items()

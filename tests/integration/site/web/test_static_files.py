@@ -35,7 +35,7 @@ def collected(tmp_path_factory) -> Path:
 
 
 @pytest.mark.nightly
-def test_the_proxy_which_is_another_user_may_read_what_was_collected_by_one_who_shares_nothing(
+def test_the_proxys_user_can_read_static_files_collected_with_a_strict_umask(
     collected,
 ):
     shut = [
@@ -73,7 +73,7 @@ def test_every_module_imports_only_hashed_modules_so_that_none_loads_twice(colle
     assert imports > len(list((ROOT / "static/js").rglob("*.js")))
 
 
-def test_a_browser_is_sent_what_was_written_and_tested_but_for_the_names_of_what_it_imports(
+def test_delivered_scripts_differ_from_their_sources_only_in_import_names(
     collected,
 ):
     for plain, path in modules_of(collected).items():
