@@ -6,6 +6,7 @@ import json
 import os
 import socket
 from argparse import ArgumentParser
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 from uuid import UUID
@@ -81,7 +82,7 @@ class Command(BaseCommand):
 
     def _print(self, report: RehearsalReport, file: Path | None) -> None:
         if file is not None:
-            file.write_text(json.dumps(report.as_data(), indent=1), encoding="utf-8")
+            file.write_text(json.dumps(asdict(report), indent=1), encoding="utf-8")
         for one in report.conditions:
             self.stdout.write(line_of(one))
         self.stdout.write(f"A participant needs about {report.expected_minutes:g} minutes.")

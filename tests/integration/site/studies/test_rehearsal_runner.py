@@ -1,4 +1,4 @@
-"""Who runs rehearsals: their processes die, hang and cannot be started; the database is away."""
+"""The runner of rehearsals: processes that die, hang or cannot be started; a lost database."""
 
 import time
 
@@ -57,7 +57,7 @@ def test_one_rehearsal_runs_at_a_time_and_the_next_one_follows(children, study):
     one.look()
     one.look()
     assert status(second)[0] == "running"
-    runs.request(study, timezone.now())  # the one that was killed can be tried again
+    runs.request(study, timezone.now())  # the killed one can be run again
 
 
 def test_a_process_that_says_why_it_ends_is_quoted(children, study):
