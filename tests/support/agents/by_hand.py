@@ -16,7 +16,7 @@ from robots.api.geometry import Pose2D
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import load_plan
 from sessions import protocol
-from tests.support.browsers.first_time_user import Keys, Mind
+from tests.support.browsers.first_time_user import Keys, UserDecisions
 
 DT = 0.02
 START, RISE = 0.35, 0.9  # static/js/input/speeds.js
@@ -76,7 +76,7 @@ class Person:
         )
         stops = [{"number": stop.number, "x": stop.x, "y": stop.y} for stop in course.checkpoints]
         self.guide = Guide.of({"checkpoints": stops}, plan, "giraff")
-        self.node = Mind(Driver(plan, self.guide, SpeedSetting(0.6, 0.6)))
+        self.node = UserDecisions(Driver(plan, self.guide, SpeedSetting(0.6, 0.6)))
         self.sim = Simulation(GIRAFF, plan, seed=self.seed, start=self.start)
         self.sim.set_doors(
             {door.name: "closed" if door.name in self.closed else "open" for door in plan.doors}
