@@ -64,7 +64,8 @@ class AgentConfig:
     loudspeaker: str = ""
 
 
-CAMERAS = "/dev/video0, rtsp://host/stream, a file,"
+SOUND = "such as alsa:default,"
+CAMERAS = "such as /dev/video0, rtsp://host/stream, a file,"
 NO_SITE = """no site is known for the robot {robot}. What to do next:
   The site is running, here or elsewhere: on its machine run
       manage.py enrol {robot} --server https://ADDRESS-OF-THE-SITE
@@ -158,8 +159,8 @@ def _add_media(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--viewers", type=int, help=f"how many pages may watch at once (default: {DEFAULT_VIEWERS})"
     )
-    for device, examples in zip(DEVICES, (CAMERAS, "alsa:default,", "alsa:default,"), strict=True):
-        text = f"such as {examples} or none (default: the adapter's own)"
+    for device, examples in zip(DEVICES, (CAMERAS, SOUND, SOUND), strict=True):
+        text = f"{examples} or none (default: the adapter's own)"
         parser.add_argument(f"--{device}", metavar="DEVICE", help=text)
 
 

@@ -206,7 +206,7 @@ def test_credentials_are_renewed_only_when_somebody_wants_that(client, robot):
 def server(client, monkeypatch):
     """The site, as the agent reaches it."""
 
-    def answer(url, content, headers, _ca):
+    def answer(url, headers, _ca, _reasons, content):
         found = client.post(
             url.removeprefix("https://site.example"),
             json.dumps(content),
@@ -217,7 +217,7 @@ def server(client, monkeypatch):
             raise ConfigError(f"the server refused the request: {found.json()['detail']}")
         return found.json()
 
-    monkeypatch.setattr(agent_side, "_post", answer)
+    monkeypatch.setattr(agent_side, "request_json", answer)
     return "https://site.example"
 
 
@@ -272,7 +272,7 @@ def test_a_token_is_used_only_by_an_agent_with_valid_arguments(
 @pytest.mark.parametrize("broken", ["a folder stands there", "a file is in the way"])
 def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_path, monkeypatch):
     asked = []
-    monkeypatch.setattr(agent_side, "_post", lambda *_: asked.append(1))
+    monkeypatch.setattr(agent_side, "request_json", lambda *_: asked.append(1))
     path = tmp_path / "here" / "giraff.toml"
     if broken == "a folder stands there":
         path.mkdir(parents=True)
@@ -287,7 +287,7 @@ def test_a_token_is_not_spent_for_credentials_that_cannot_be_kept(broken, tmp_pa
 def test_enrolment_uses_the_certificates_named_in_the_environment(tmp_path, monkeypatch):
     asked = []
     answer = {"robot": "giraff", "token": "t"}
-    monkeypatch.setattr(agent_side, "_post", lambda *sent: asked.append(sent[3]) or answer)
+    monkeypatch.setattr(agent_side, "request_json", lambda *sent: asked.append(sent[2]) or answer)
     given = {"CA": "/ca.pem", "ADAPTER": "moos", "ENROL": "token"}
     environment = {f"TELEPRESENCE_{name}": value for name, value in given.items()}
     arguments = {"robot": "giraff", "server": "https://site.example", "var": tmp_path}
