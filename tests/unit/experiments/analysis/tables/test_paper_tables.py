@@ -13,7 +13,7 @@ from scipy import stats
 from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.tables.paper_tables import lines_of, table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
-from experiments.analysis.tables.response_selection import counted
+from experiments.analysis.tables.scored_responses import counted
 from experiments.analysis.tables.table import (
     NOTHING,
     Table,
