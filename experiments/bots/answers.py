@@ -2,9 +2,9 @@
 types of questions together.
 """
 
-import datetime
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, datetime, timedelta
 from itertools import groupby
 
 from experiments.bots.page import FormField, HtmlForm
@@ -20,9 +20,7 @@ class UnknownControlError(Exception):
     """A control that no bot knows how to answer."""
 
 
-def fill(
-    form: HtmlForm, persona: Persona, circumstances: Mapping[str, str], now: datetime.datetime
-) -> Sent:
+def fill(form: HtmlForm, persona: Persona, circumstances: Mapping[str, str], now: datetime) -> Sent:
     """Return the fields of a form as a person would send them; the browser adds buttons and hidden
     fields.
 
@@ -46,7 +44,7 @@ class Answering:
 
     persona: Persona
     circumstances: Mapping[str, str]
-    now: datetime.datetime
+    now: datetime
 
     def answer(self, asked: FormField) -> Sent:
         """Return the fields of the form that answer one question.
@@ -102,12 +100,12 @@ def _number(asked: FormField, bot: Answering) -> list[str]:
 
 
 def _day(asked: FormField, bot: Answering) -> list[str]:
-    day = datetime.date.fromisoformat
+    day = date.fromisoformat
     latest, earliest = asked.attributes.get("max"), asked.attributes.get("min")
     last = day(latest) if latest else bot.now.date()
-    first = day(earliest) if earliest else last - datetime.timedelta(days=365)
+    first = day(earliest) if earliest else last - timedelta(days=365)
     days = bot.persona.option(asked.name, (last - first).days + 1)
-    return [(first + datetime.timedelta(days=days)).isoformat()]
+    return [(first + timedelta(days=days)).isoformat()]
 
 
 def _words(asked: FormField, bot: Answering) -> list[str]:

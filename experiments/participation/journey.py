@@ -12,6 +12,7 @@ nothing twice.
 import re
 from collections.abc import Collection
 from dataclasses import dataclass
+from itertools import product
 
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import Step
@@ -60,15 +61,9 @@ def route(study: StudyDefinition, number_of_rounds: int, visit: int) -> Route:
     repeated = [index for index, step in enumerate(study.steps) if step.repeat]
     first, after = (repeated[0], repeated[-1] + 1) if repeated else (len(keys), len(keys))
     last_round = number_of_rounds - 1 if repeated else 0
-    return (
-        *(JourneyPlace(visit, 0, key) for key in keys[:first]),
-        *(
-            JourneyPlace(visit, n, key)
-            for n in range(number_of_rounds)
-            for key in keys[first:after]
-        ),
-        *(JourneyPlace(visit, last_round, key) for key in keys[after:]),
-    )
+    before, later = product([0], keys[:first]), product([last_round], keys[after:])
+    in_rounds = product(range(number_of_rounds), keys[first:after])
+    return tuple(JourneyPlace(visit, n, key) for n, key in (*before, *in_rounds, *later))
 
 
 def begin(places: Route, skipped: Collection[str] = ()) -> JourneyPlace:

@@ -38,14 +38,10 @@ def make(
 ) -> tuple[PersonalLink, str]:
     """Return a link and its token, which is not stored. A bot's participants never count."""
     token = secrets.token_urlsafe(TOKEN_BYTES)
+    fields = {"study": study, "label": label[:120], "access": access, "kind": kind}
+    hashed = hash_of(token)
     link = PersonalLink.objects.create(
-        study=study,
-        token_sha256=hash_of(token),
-        label=label[:120],
-        access=access,
-        kind=kind,
-        created_at=now,
-        expires_at=expires_at,
+        token_sha256=hashed, created_at=now, expires_at=expires_at, **fields
     )
     return link, token
 

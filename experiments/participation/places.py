@@ -3,9 +3,9 @@ before driving (experiments/participation/assignment.py) is not stored, because 
 they were last seen.
 """
 
-import datetime
 from collections import defaultdict
 from collections.abc import Sequence
+from datetime import datetime, timedelta
 
 from django.db.models import Max, Q
 
@@ -22,13 +22,13 @@ def next_number(study: Study, kind: str) -> int:
     return 1 + (last or 0)
 
 
-def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
+def held(study: Study, kind: str, now: datetime) -> list[Held]:
     """Return the places that participants of a kind hold, or held, also those of draws that are
     decided and not yet applied to the participant's row.
     """
     definition = study.as_definition()
     allocation, reveals = definition.allocation, definition.reveals_condition
-    since = now - datetime.timedelta(hours=allocation.left_after_hours)
+    since = now - timedelta(hours=allocation.left_after_hours)
     may_leave = allocation.design == "within" or reveals
     draws = _last_draws(study, kind)
     # read before the drives: a participant who drives in between does not count as gone
@@ -55,9 +55,7 @@ def held(study: Study, kind: str, now: datetime.datetime) -> list[Held]:
     return found
 
 
-def free_cells(
-    study: Study, kind: str, cells: Sequence[Cell], now: datetime.datetime
-) -> list[Cell]:
+def free_cells(study: Study, kind: str, cells: Sequence[Cell], now: datetime) -> list[Cell]:
     taken = assignment.load(held(study, kind, now))
     return assignment.open_cells(cells, taken, study.as_definition().allocation.quota)
 

@@ -16,6 +16,7 @@ from experiments.definition.recruitment import piping, recruiting
 from experiments.definition.step import AskingStep
 from experiments.models import Participant, StepResponse
 from experiments.participation import progress
+from experiments.participation.drive_status import DriveStatus, series_of
 from experiments.participation.journey import JourneyPlace
 from surveys import questionnaires, responses
 from surveys.definition import Definition
@@ -71,31 +72,23 @@ def ask(
     place: JourneyPlace,
     step: AskingStep,
     *,
-    robot: tuple[str, ...],
-    outcome: str,
+    drive: DriveStatus,
     return_to: str,
     now: datetime.datetime,
 ) -> Response:
-    """Return a participant's response at a place, begun at the first call; `robot` has the name and
-    the series of the one that was driven. Raises Row.DoesNotExist without such a questionnaire,
-    BadDefinitionError for a template.
+    """Return a participant's response at a place about a drive, begun at the first call. Raises
+    Row.DoesNotExist without such a questionnaire, BadDefinitionError for a template.
     """
-    context = Context(
-        key=context_key(participant, place, step),
-        label=f"{participant.study.title} · {step.key} · {participant.code}",
-        robot=robot,
-        outcome=outcome,
-        return_to=return_to,
-    )
+    key = context_key(participant, place, step)
+    label = f"{participant.study.title} · {step.key} · {participant.code}"
+    robot = (drive.robot.name, series_of(drive.robot)) if drive.robot is not None else ()
+    context = Context(key, label, robot=robot, outcome=drive.outcome, return_to=return_to)
     fields = {"participant": participant, **asdict(asked_at(place, step))}
+    respondent, seed = Respondent(user=participant.user), secrets.randbelow(SEED_LIMIT)
     with transaction.atomic():
+        row = _stored(step) or questionnaires.store(definition_of(step), now)
         response = responses.begin(
-            _stored(step) or questionnaires.store(definition_of(step), now),
-            Respondent(user=participant.user),
-            context,
-            language=participant.language,
-            seed=secrets.randbelow(SEED_LIMIT),
-            now=now,
+            row, respondent, context, language=participant.language, seed=seed, now=now
         )
         StepResponse.objects.get_or_create(response=response, defaults=fields)
     return response
@@ -146,10 +139,7 @@ def progress_around(participant: Participant, language: str) -> OuterProgress:
     definition = participant.study.as_definition()
     spoken_in = progress.language_of(definition, language)
     number, total = progress.step_count(participant)
-    return OuterProgress(
-        spoken(definition.title, spoken_in),
-        number,
-        total,
-        spoken(progress.step_of(participant).title, spoken_in),
-        fill=partial(with_answers, participant, language=spoken_in),
-    )
+    study_title = spoken(definition.title, spoken_in)
+    step_title = spoken(progress.step_of(participant).title, spoken_in)
+    fill = partial(with_answers, participant, language=spoken_in)
+    return OuterProgress(study_title, number, total, step_title, fill=fill)

@@ -2,8 +2,8 @@
 questionnaire is finished.
 """
 
-import datetime
 from collections.abc import Mapping
+from datetime import datetime, timedelta
 from typing import Any
 
 from experiments.definition.recruitment.recruiting import AnswerQuota, admits, names_answer
@@ -28,7 +28,7 @@ def has_device(study: StudyDefinition, device: Mapping[str, Any]) -> bool:
     return fits and (not study.browsers or browser in study.browsers)
 
 
-def is_screened_out(participant: Participant, questionnaire: str, now: datetime.datetime) -> bool:
+def is_screened_out(participant: Participant, questionnaire: str, now: datetime) -> bool:
     """Tell whether a participant's answers to a finished questionnaire screen them out: by a rule,
     or because a quota is full. Bots answer at random and are never screened out.
     """
@@ -55,15 +55,13 @@ def is_screened_out(participant: Participant, questionnaire: str, now: datetime.
     )
 
 
-def _earlier(
-    participant: Participant, quota: AnswerQuota, own: StepResponse, now: datetime.datetime
-) -> int:
+def _earlier(participant: Participant, quota: AnswerQuota, own: StepResponse, now: datetime) -> int:
     """Count the participants who gave such an answer before this one and hold a place: they have
     finished, or were seen lately. The id breaks ties of the time, so that of two participants
     exactly one is the later.
     """
     study, own_order = participant.study, (own.response.finished_at, str(own.response_id))
-    last_seen = now - datetime.timedelta(hours=study.as_definition().allocation.left_after_hours)
+    last_seen = now - timedelta(hours=study.as_definition().allocation.left_after_hours)
     rows = StepResponse.objects.filter(
         participant__study=study,
         participant__kind=participant.kind,

@@ -11,11 +11,11 @@ engine: it ends after its minutes. A drive whose visitor never sees a video fram
 when its turn would be over.
 """
 
-import datetime
 import math
 import uuid
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from typing import Any
 
 import structlog
@@ -171,9 +171,7 @@ class Runner:
                 note_exposure(running.drive, running.started)
             self._advance(running, received_at)
 
-    def tick(
-        self, *, now: datetime.datetime, ownership: Ownership = EVERYTHING, **_more: object
-    ) -> None:
+    def tick(self, *, now: datetime, ownership: Ownership = EVERYTHING, **_more: object) -> None:
         """Advance the living drives of our robots; as owner of the site, settle ended ones."""
         drives = Drive.objects.filter(session__state__in=LIVE, settled_at=None)
         robots = {
@@ -221,7 +219,7 @@ class Runner:
         if over is not None:
             session, at = (
                 str(running.drive.session_id),
-                datetime.datetime.fromtimestamp(now, datetime.UTC),
+                datetime.fromtimestamp(now, UTC),
             )
             if store.end(session, *over, at):
                 log.info("task_ended", session=session, outcome=over[0], reason=over[1])

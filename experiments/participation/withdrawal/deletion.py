@@ -105,15 +105,12 @@ def _strip(participant: Participant, now: datetime.datetime) -> None:
     Contact.objects.filter(participant=participant).delete()
     for rows in (participant.consents, participant.step_visits, participant.appointments):
         rows.all().delete()
+    none = {"user": None, "age": None, "language": "", "recruitment": {}, "recruitment_id": ""}
     Participant.objects.filter(pk=participant.pk).update(
-        user=None,
         slot=str(participant.pk),
-        recruitment={},
-        recruitment_id="",
         recruited_as=not_drawn(),
-        age=None,
-        language="",
         seen_at=_begin_of(now.date()),
+        **none,
     )
 
 
@@ -122,15 +119,11 @@ def _mark(participant: Participant, now: datetime.datetime) -> None:
     completion stays: all with the same ending have the same code, and may still need it.
     """
     rows = Participant.objects.filter(pk=participant.pk)
-    marked = rows.exclude(status=Status.WITHDRAWN).update(
-        status=Status.WITHDRAWN,
-        seen_at=now,
-        finished_at=None,
-        withdrawn_at=now.date(),
-        withdrawn_step=participant.step,
-        withdrawn_stage=stages_of(participant.study, [participant])[participant.pk],
-    )
-    if marked:
+    stage = stages_of(participant.study, [participant])[participant.pk]
+    place = {"withdrawn_step": participant.step, "withdrawn_stage": stage}
+    times = {"seen_at": now, "finished_at": None, "withdrawn_at": now.date()}
+    staying = rows.exclude(status=Status.WITHDRAWN)
+    if staying.update(status=Status.WITHDRAWN, **times, **place):
         audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
     was_exposed = participant.drives.filter(EXPOSED).exists()
     rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if was_exposed else Stage.FREED)
@@ -157,15 +150,10 @@ def _unlink(participant: Participant) -> None:
 def _log_names(participant: Participant) -> Iterator[tuple[str, str]]:
     """Yield (model, key) of the participant's rows."""
     sessions = Session.objects.filter(drive__participant=participant)
-    querysets: tuple[QuerySet[Any], ...] = (
-        Participant.objects.filter(pk=participant.pk),
-        participant.drives.all(),
-        participant.links.all(),
-        responses_of(participant),
-        sessions,
-        Snapshot.objects.filter(session__in=sessions),
-    )
-    for rows in querysets:
+    own = Participant.objects.filter(pk=participant.pk)
+    snapshots = Snapshot.objects.filter(session__in=sessions)
+    linked = (participant.drives.all(), participant.links.all(), responses_of(participant))
+    for rows in (own, *linked, sessions, snapshots):
         name = str(rows.model._meta.model_name)
         yield from ((name, str(key)) for key in rows.values_list("pk", flat=True))
 
