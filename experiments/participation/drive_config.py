@@ -43,10 +43,8 @@ def guide(
         course = None
     else:
         last_minutes = study.task.last_minutes if study.task is not None else 0.0
-        conditions = [
-            without_driving(one) if study.wizard_of(one.key) is not None else one
-            for one in conditions
-        ]
+        operated = {one.key for one in conditions if study.wizard_of(one.key) is not None}
+        conditions = [without_driving(one) if one.key in operated else one for one in conditions]
     return {
         "kind": "practice" if step.is_practice else "task",
         "title": spoken(step.title, language),

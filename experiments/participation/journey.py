@@ -10,7 +10,7 @@ nothing twice.
 """
 
 import re
-from collections.abc import Collection
+from collections.abc import Container
 from dataclasses import dataclass
 from itertools import product
 
@@ -66,12 +66,12 @@ def route(study: StudyDefinition, number_of_rounds: int, visit: int) -> Route:
     return tuple(JourneyPlace(visit, n, key) for n, key in (*before, *in_rounds, *later))
 
 
-def begin(places: Route, skipped: Collection[str] = ()) -> JourneyPlace:
+def begin(places: Route, skipped: Container[str] = ()) -> JourneyPlace:
     return next((place for place in places if place.step not in skipped), places[-1])
 
 
 def following(
-    places: Route, place: JourneyPlace, skipped: Collection[str] = ()
+    places: Route, place: JourneyPlace, skipped: Container[str] = ()
 ) -> list[JourneyPlace]:
     """Return the places that follow one, none when it was the last; a NoPlaceError for one that is
     not on the route.
@@ -95,9 +95,7 @@ def read(word: str, places: Route) -> JourneyPlace:
     return place
 
 
-def share_done(
-    places: Route, place: JourneyPlace, skipped: Collection[str] = ()
-) -> tuple[int, int]:
+def share_done(places: Route, place: JourneyPlace, skipped: Container[str] = ()) -> tuple[int, int]:
     """Return (number, total) of a place, without steps that this visit skips: "step 2 of 6"."""
     passed = [one for one in places if one == place or one.step not in skipped]
     return (passed.index(place) + 1 if place in passed else 1), len(passed)

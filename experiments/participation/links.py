@@ -39,10 +39,8 @@ def make(
     """Return a link and its token, which is not stored. A bot's participants never count."""
     token = secrets.token_urlsafe(TOKEN_BYTES)
     fields = {"study": study, "label": label[:120], "access": access, "kind": kind}
-    hashed = hash_of(token)
-    link = PersonalLink.objects.create(
-        token_sha256=hashed, created_at=now, expires_at=expires_at, **fields
-    )
+    times = {"created_at": now, "expires_at": expires_at}
+    link = PersonalLink.objects.create(token_sha256=hash_of(token), **times, **fields)
     return link, token
 
 

@@ -32,11 +32,8 @@ def held(study: Study, kind: str, now: datetime) -> list[Held]:
     may_leave = allocation.design == "within" or reveals
     draws = _last_draws(study, kind)
     # read before the drives: a participant who drives in between does not count as gone
-    people = list(
-        Participant.objects.filter(study=study, kind=kind).values_list(
-            "pk", "cell", "stage", "draws_applied", "conditions", "status", "seen_at"
-        )
-    )
+    columns = ("pk", "cell", "stage", "draws_applied", "conditions", "status", "seen_at")
+    people = list(Participant.objects.filter(study=study, kind=kind).values_list(*columns))
     done = _conditions_done(study, kind) if may_leave else {}
     found = []
     for pk, cell, stage, applied, conditions, status, seen in people:

@@ -11,6 +11,7 @@ from dataclasses import asdict
 from functools import partial
 
 from django.db import transaction
+from django.urls import reverse
 
 from experiments.definition.recruitment import piping, recruiting
 from experiments.definition.step import AskingStep
@@ -18,6 +19,7 @@ from experiments.models import Participant, StepResponse
 from experiments.participation import progress
 from experiments.participation.drive_status import DriveStatus, series_of
 from experiments.participation.journey import JourneyPlace
+from experiments.recruitment import screening
 from surveys import questionnaires, responses
 from surveys.definition import Definition
 from surveys.documents import spoken
@@ -73,7 +75,6 @@ def ask(
     step: AskingStep,
     *,
     drive: DriveStatus,
-    return_to: str,
     now: datetime.datetime,
 ) -> Response:
     """Return a participant's response at a place about a drive, begun at the first call. Raises
@@ -82,6 +83,7 @@ def ask(
     key = context_key(participant, place, step)
     label = f"{participant.study.title} · {step.key} · {participant.code}"
     robot = (drive.robot.name, series_of(drive.robot)) if drive.robot is not None else ()
+    return_to = reverse("study_step", args=[participant.study.slug])
     context = Context(key, label, robot=robot, outcome=drive.outcome, return_to=return_to)
     fields = {"participant": participant, **asdict(asked_at(place, step))}
     respondent, seed = Respondent(user=participant.user), secrets.randbelow(SEED_LIMIT)
@@ -102,12 +104,7 @@ def with_answers(participant: Participant, text: str, *, language: str) -> str:
 
     def answer(questionnaire: str, item: str) -> str:
         if questionnaire not in found:
-            rows = StepResponse.objects.filter(
-                participant=participant,
-                response__questionnaire__slug=questionnaire,
-                response__finished_at__isnull=False,
-            ).select_related("response__questionnaire")
-            found[questionnaire] = rows.order_by("-response__finished_at").first()
+            found[questionnaire] = screening.newest_finished(participant, questionnaire)
         asked = found[questionnaire]
         return "" if asked is None else _in_words(asked.response, item, language)
 

@@ -9,7 +9,6 @@ from typing import Any, ClassVar
 
 from django.http import HttpRequest, HttpResponse, HttpResponseBase
 from django.shortcuts import redirect, render
-from django.urls import reverse
 from django.utils.functional import Promise
 
 from experiments.definition.opening_hours import opens_on_the_wall
@@ -78,11 +77,8 @@ class AskingPage(StepPage):
     def show(self, request: HttpRequest, now: datetime) -> HttpResponseBase:
         participant, here = self.participant, progress.place(self.participant)
         drive = drive_status.last_drive(participant, here)
-        return_to = reverse("study_step", args=[participant.study.slug])
         try:
-            response = questions.ask(
-                participant, here, self.step, drive=drive, return_to=return_to, now=now
-            )
+            response = questions.ask(participant, here, self.step, drive=drive, now=now)
         except (Questionnaire.DoesNotExist, BadDefinitionError):
             return self.render(request, "experiments/trouble.html", {"trouble": "questions"})
         return redirect("survey", response.pk)

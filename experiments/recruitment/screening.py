@@ -37,12 +37,7 @@ def is_screened_out(participant: Participant, questionnaire: str, now: datetime)
     quotas = [one for one in definition.answer_quotas if one.questionnaire == questionnaire]
     if participant.kind == ParticipantKind.BOT or not (rules or quotas):
         return False
-    own = StepResponse.objects.filter(
-        participant=participant,
-        response__questionnaire__slug=questionnaire,
-        response__finished_at__isnull=False,
-    )
-    asked = own.select_related("response").order_by("-response__finished_at").first()
+    asked = newest_finished(participant, questionnaire)
     if asked is None:
         return False
     values = {item: given.value for item, given in asked.response.given().items()}
@@ -53,6 +48,14 @@ def is_screened_out(participant: Participant, questionnaire: str, now: datetime)
         and _earlier(participant, quota, asked, now) >= quota.most
         for quota in quotas
     )
+
+
+def newest_finished(participant: Participant, questionnaire: str) -> StepResponse | None:
+    """Return a participant's newest finished response to a questionnaire; None without one."""
+    rows = StepResponse.objects.filter(participant=participant)
+    own = rows.filter(response__questionnaire__slug=questionnaire)
+    finished = own.exclude(response__finished_at=None).order_by("-response__finished_at")
+    return finished.select_related("response__questionnaire").first()
 
 
 def _earlier(participant: Participant, quota: AnswerQuota, own: StepResponse, now: datetime) -> int:

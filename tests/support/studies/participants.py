@@ -79,7 +79,7 @@ def answered(participant: Participant, key: str, values: dict[str, Any]) -> Part
     study, now = participant.study.as_definition(), timezone.now()
     place = JourneyPlace(participant.visit, 0, key)
     step: Any = study.step(key)
-    response = questions.ask(participant, place, step, drive=DriveStatus(), return_to="", now=now)
+    response = questions.ask(participant, place, step, drive=DriveStatus(), now=now)
     Response.objects.filter(pk=response.pk).update(finished_at=now)
     for position, (item, value) in enumerate(values.items()):
         Answer.objects.create(
