@@ -159,14 +159,9 @@ def _write(
     # last, so that an interrupted run is repeated
     settled_at = max(now, session.closed_at or now)
     Drive.objects.filter(pk=drive.pk).update(settled_at=settled_at)
-    log.info(
-        "drive_settled",
-        session=drive.session_id,
-        outcome=drive.outcome,
-        exposed=drive.exposed_at is not None,
-        moved=drive.moved,
-        mismatches=drive.mismatches,
-    )
+    about = {"outcome": drive.outcome, "moved": drive.moved, "mismatches": drive.mismatches}
+    is_exposed = drive.exposed_at is not None
+    log.info("drive_settled", session=drive.session_id, exposed=is_exposed, **about)
 
 
 def _exposed_at(drive: Drive, first_frame: float | None, *, moved: bool) -> datetime | None:
@@ -176,13 +171,9 @@ def _exposed_at(drive: Drive, first_frame: float | None, *, moved: bool) -> date
 
 
 def _mismatches(drive: Drive, applied: conditions.Applied) -> list[str]:
-    assigned = drive.assigned.get("condition")
-    condition = (
-        drive.participant.study.as_definition().condition(drive.condition)
-        if assigned is None
-        else msgspec.convert(assigned, Condition)
-    )
-    if condition is None:
+    if (assigned := drive.assigned.get("condition")) is not None:
+        condition = msgspec.convert(assigned, Condition)
+    elif (condition := drive.participant.study.as_definition().condition(drive.condition)) is None:
         return []
     by_wizard = drive.assigned.get("terms", {}).get("driver") == "wizard"
     return list(conditions.mismatches(condition, applied, by_wizard=by_wizard))

@@ -105,11 +105,9 @@ class Running:
         progress, left_of_task = self.engine.progress, self.engine.remaining()
         cue, stops = progress.cue, self.engine.track.stops
         x, y = cue.target if cue.target is not None else (None, None)
+        directions = {"cue": cue.key, "number": cue.number, "x": x, "y": y}
         fields = {
-            "cue": cue.key,
-            "number": cue.number,
-            "x": x,
-            "y": y,
+            **directions,
             "passed": [stop.number for stop in stops[: len(progress.passed)]],
             "remaining": None if left_of_task is None else round(left_of_task, 1),
             "window": progress.photo.window,
@@ -217,10 +215,7 @@ class Runner:
         _publish(running, now)
         over = running.over(now)
         if over is not None:
-            session, at = (
-                str(running.drive.session_id),
-                datetime.fromtimestamp(now, UTC),
-            )
+            session, at = str(running.drive.session_id), datetime.fromtimestamp(now, UTC)
             if store.end(session, *over, at):
                 log.info("task_ended", session=session, outcome=over[0], reason=over[1])
 
