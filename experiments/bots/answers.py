@@ -22,10 +22,7 @@ class UnknownControlError(Exception):
 
 def fill(form: HtmlForm, persona: Persona, circumstances: Mapping[str, str], now: datetime) -> Sent:
     """Return the fields of a form as a person would send them; the browser adds buttons and hidden
-    fields.
-
-    Raises:
-        UnknownControlError: no bot knows a control of the form.
+    fields. Raises an UnknownControlError for a control that no bot knows.
     """
     bot, sent = Answering(persona, circumstances, now), Sent()
     # the reasons to decline belong to the question before
@@ -47,11 +44,7 @@ class Answering:
     now: datetime
 
     def answer(self, asked: FormField) -> Sent:
-        """Return the fields of the form that answer one question.
-
-        Raises:
-            UnknownControlError: CONTROLS has nothing for its kind.
-        """
+        """Return the fields of the form that answer one question, as CONTROLS has its kind."""
         if asked.kind not in CONTROLS:
             raise UnknownControlError(f"{asked.name} is of the unknown kind {asked.kind!r}")
         return [(asked.name, value) for value in CONTROLS[asked.kind](asked, self)]
@@ -78,8 +71,7 @@ def _some_of(asked: FormField, bot: Answering) -> list[str]:
         return [asked.choices[0].value]
     first = asked.choices[bot.persona.option(asked.name, len(asked.choices))]
     second = asked.choices[bot.persona.option(f"{asked.name}.second", len(asked.choices))]
-    excludes = first.alone or second.alone or first == second
-    is_one = excludes or bot.persona.explore is not None
+    is_one = first.alone or second.alone or first == second or bot.persona.explore is not None
     return [first.value] if is_one else [first.value, second.value]
 
 

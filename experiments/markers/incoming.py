@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from typing import Any
 
 from django.db.models import Q
 
@@ -29,15 +30,9 @@ def record(slug: str, marker: ForeignMarker, now: float) -> int:
         granted_at__lte=at,
     )
     data = {"stream": marker.stream, "value": marker.text[:MAX_TEXT].replace("\x00", "")}
+    fields: dict[str, Any] = {"source": SessionEvent.Source.LAB, "type": "marker", "data": data}
     rows = [
-        SessionEvent(
-            session_id=session,
-            source=SessionEvent.Source.LAB,
-            type="marker",
-            stamp=marker.at,
-            received_at=now,
-            data=data,
-        )
+        SessionEvent(session_id=session, stamp=marker.at, received_at=now, **fields)
         for session in drives.values_list("session", flat=True)
     ]
     SessionEvent.objects.bulk_create(rows)

@@ -6,7 +6,7 @@ still take the robot, unless the study has exclusive use of its robots.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from datetime import datetime, timedelta
 from typing import Any
 
@@ -81,23 +81,17 @@ def book(
     if slot is None:
         return None
     overlapping = Appointment.objects.filter(starts_at__lt=slot.ends_at, ends_at__gt=slot.starts_at)
-    own = Appointment.objects.filter(participant=participant, visit=participant.visit)
+    of_visit = {"participant": participant, "visit": participant.visit}
     for robot in robots:
         if overlapping.filter(robot=robot).exists():
             continue
+        key = f"{robot.pk}:{slot.starts_at:%Y%m%dT%H%M}"
         try:
             with transaction.atomic():
-                made = Appointment.objects.create(
-                    participant=participant,
-                    robot=robot,
-                    visit=participant.visit,
-                    starts_at=slot.starts_at,
-                    ends_at=slot.ends_at,
-                    slot=f"{robot.pk}:{slot.starts_at:%Y%m%dT%H%M}",
-                )
+                made = Appointment.objects.create(robot=robot, slot=key, **of_visit, **asdict(slot))
         except IntegrityError:  # another participant has just taken it
             continue
-        own.exclude(pk=made.pk).delete()
+        Appointment.objects.filter(**of_visit).exclude(pk=made.pk).delete()
         return made
     return None
 
