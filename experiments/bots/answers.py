@@ -44,7 +44,7 @@ class Answering:
     now: datetime
 
     def answer(self, asked: FormField) -> Sent:
-        """Return the fields of the form that answer one question, as CONTROLS has its kind."""
+        """Return what answers one control; an UnknownControlError for a kind not in CONTROLS."""
         if asked.kind not in CONTROLS:
             raise UnknownControlError(f"{asked.name} is of the unknown kind {asked.kind!r}")
         return [(asked.name, value) for value in CONTROLS[asked.kind](asked, self)]

@@ -25,7 +25,6 @@ from experiments.bots.driver import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api import messages
 from robots.api.codec import encode_frame
-from robots.api.messages import Message
 from sessions import protocol
 
 # Seconds between two of the page's messages, which a loop of ticks sends.
@@ -226,7 +225,7 @@ class Cockpit:
         )
         self._send("command/velocity", command)
 
-    def _send(self, suffix: str, message: Message) -> None:
+    def _send(self, suffix: str, message: messages.Message) -> None:
         """Send without waiting, as a page does; on a closed connection, the message is lost."""
         if self._socket is not None:
             broadcast([self._socket], encode_frame(suffix, message))
