@@ -24,11 +24,8 @@ class ForeignMarker:
 def record(slug: str, marker: ForeignMarker, now: float) -> int:
     """Store a marker with each session of a study in progress then, and return their number."""
     at = datetime.fromtimestamp(marker.at, UTC)
-    drives = Drive.objects.filter(
-        Q(session__ended_at=None) | Q(session__ended_at__gte=at),
-        participant__study__slug=slug,
-        granted_at__lte=at,
-    )
+    living = Q(session__ended_at=None) | Q(session__ended_at__gte=at)
+    drives = Drive.objects.filter(living, participant__study__slug=slug, granted_at__lte=at)
     data = {"stream": marker.stream, "value": marker.text[:MAX_TEXT].replace("\x00", "")}
     fields: dict[str, Any] = {"source": SessionEvent.Source.LAB, "type": "marker", "data": data}
     rows = [

@@ -63,12 +63,9 @@ def has_moved(session: Session) -> bool:
 def _without_motion(participant: Participant, drives: list[Drive]) -> Ending:
     sessions = [drive.session for drive in drives]
     if participant.user_id is not None:
-        sessions += Session.objects.filter(
-            visitor=participant.user_id,
-            granted_at=None,
-            queued_at__gte=participant.created_at,
-            ended_at__isnull=False,
-        )
+        since = participant.created_at
+        own = Session.objects.filter(visitor=participant.user_id, queued_at__gte=since)
+        sessions += own.filter(granted_at=None, ended_at__isnull=False)
     # without a session no robot was available
     sides = {fault.side for fault in faults_of(sessions).values()} or {"platform"}
     if sides & TECHNICAL_SIDES:

@@ -296,11 +296,8 @@ def balance_levels(participant: Participant) -> dict[str, str]:
         questionnaire, _point, item = factor.item.rpartition(".")
         value = participant.age
         if questionnaire:
-            answers = Answer.objects.filter(
-                response__asked_at__participant=participant,
-                response__questionnaire__slug=questionnaire,
-                item=item,
-            )
+            own = Answer.objects.filter(response__asked_at__participant=participant, item=item)
+            answers = own.filter(response__questionnaire__slug=questionnaire)
             newest = answers.order_by("-response__started_at")
             value = newest.values_list("value", flat=True).first()
         found[factor.item] = assignment.level_of(factor, value)

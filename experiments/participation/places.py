@@ -66,12 +66,9 @@ def _last_draws(study: Study, kind: str) -> dict[object, tuple[int, str, dict[st
 def _conditions_done(study: Study, kind: str) -> dict[object, set[str]]:
     """Return the conditions in which each participant drove the task, or may have driven it."""
     task = study.as_definition().task
-    drives = Drive.objects.filter(
-        Q(moved=True) | Q(settled_at=None),
-        participant__study=study,
-        participant__kind=kind,
-        step=task.key if task is not None else "",
-    )
+    rows = Drive.objects.filter(participant__study=study, participant__kind=kind)
+    of_task = rows.filter(step=task.key if task is not None else "")
+    drives = of_task.filter(Q(moved=True) | Q(settled_at=None))
     found: dict[object, set[str]] = defaultdict(set)
     for participant, condition in drives.values_list("participant_id", "condition"):
         found[participant].add(condition)
