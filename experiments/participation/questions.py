@@ -8,7 +8,7 @@ about the person once for good, all others once a visit and round.
 import datetime
 import secrets
 from dataclasses import asdict
-from functools import partial
+from functools import cache, partial
 
 from django.db import transaction
 from django.urls import reverse
@@ -100,12 +100,10 @@ def with_answers(participant: Participant, text: str, *, language: str) -> str:
     """Fill a participant's answers into a text (definition/recruitment/piping.py)."""
     if not piping.has_piping(text):
         return text
-    found: dict[str, StepResponse | None] = {}
+    newest = cache(partial(screening.newest_finished, participant))
 
     def answer(questionnaire: str, item: str) -> str:
-        if questionnaire not in found:
-            found[questionnaire] = screening.newest_finished(participant, questionnaire)
-        asked = found[questionnaire]
+        asked = newest(questionnaire)
         return "" if asked is None else _in_words(asked.response, item, language)
 
     return piping.filled(text, answer)
