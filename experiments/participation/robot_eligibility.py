@@ -15,12 +15,8 @@ def may_use(slug: str, robot: Robot) -> bool:
     """Tell whether a study, in any published version, may use a robot."""
     if robot.owner_id is None:
         return True
-    found = (
-        User.objects.filter(published_studies__slug=slug)
-        .exclude(published_studies__status=Study.Status.DRAFT)
-        .filter(is_active=True)
-        .distinct()
-    )
+    users = User.objects.filter(published_studies__slug=slug, is_active=True)
+    found = users.exclude(published_studies__status=Study.Status.DRAFT).distinct()
     publishers = [user for user in found if not user.is_guest]
     operators = robot.permits.filter(kind=RobotPermit.Privilege.OPERATOR, user__in=publishers)
     return (

@@ -15,6 +15,7 @@ from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import Drive, Participant, Study
 from experiments.participation import progress, questions
+from experiments.participation.drive_status import DriveStatus
 from experiments.participation.journey import JourneyPlace
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
@@ -78,7 +79,7 @@ def answered(participant: Participant, key: str, values: dict[str, Any]) -> Part
     study, now = participant.study.as_definition(), timezone.now()
     place = JourneyPlace(participant.visit, 0, key)
     step: Any = study.step(key)
-    response = questions.ask(participant, place, step, robot=(), outcome="", return_to="", now=now)
+    response = questions.ask(participant, place, step, drive=DriveStatus(), now=now)
     Response.objects.filter(pk=response.pk).update(finished_at=now)
     for position, (item, value) in enumerate(values.items()):
         Answer.objects.create(

@@ -28,8 +28,8 @@ pytestmark = pytest.mark.django_db
 SURE = {"best_probability": 1.0}  # always the cell with the fewest
 
 
-def heard_of() -> None:
-    """The robots are online, for longer than any test takes."""
+def keep_online() -> None:
+    """Mark the robots as online for longer than any test takes."""
     RobotPresence.objects.update(
         connection="ONLINE", last_seen_at=timezone.now() + datetime.timedelta(hours=1)
     )
@@ -38,7 +38,7 @@ def heard_of() -> None:
 @pytest.fixture
 def robot():
     cabin_with_giraff()
-    heard_of()
+    keep_online()
     return Robot.objects.get(name="giraff")
 
 
@@ -357,7 +357,7 @@ def test_a_draft_is_for_pilots_and_bots(robot, study):
 
 def test_another_series_of_robots_is_none_of_the_studys(robot, study):
     rhodon = robot_at(robot.floor_plan, "rhodon", "rhodon")
-    heard_of()
+    keep_online()
     participant = p.comer(study, person("ada"))
     assert take(rhodon, participant.user).terms == terms.FREE
 

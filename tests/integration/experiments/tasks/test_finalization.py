@@ -376,7 +376,7 @@ def test_a_drive_as_assigned_differs_in_nothing(robot):
     assert drive.applied["robot"] == "giraff"
 
 
-def driven_over(robot, *, reported: bool) -> Drive:
+def drive_over_network(robot, *, reported: bool) -> Drive:
     """A drive in a condition with a network, which the robot did put on the visitor's commands, or
     did not.
     """
@@ -406,7 +406,7 @@ def driven_over(robot, *, reported: bool) -> Drive:
 def test_the_network_that_the_robot_applied_is_stored_beside_the_assigned_one(
     robot,
 ):
-    drive = driven_over(robot, reported=True)
+    drive = drive_over_network(robot, reported=True)
     assert drive.mismatches == []
     report = msgspec.convert(drive.applied["control_network"], m.LabReport)
     assert report == m.LabReport(
@@ -418,7 +418,7 @@ def test_the_network_that_the_robot_applied_is_stored_beside_the_assigned_one(
 
 
 def test_a_network_that_the_robot_has_not_put_on_flags_the_drive(robot):
-    drive = driven_over(robot, reported=False)
+    drive = drive_over_network(robot, reported=False)
     assert drive.mismatches == ["network"]
     session = dataset_of(drive.participant.study).sessions[0]
     assert (session.mismatch, session.control_network, session.control_applied) == (
