@@ -22,11 +22,7 @@ class StudyPages:
     opts: Any
 
     def study_path(
-        self,
-        route: str,
-        view: Callable[..., HttpResponseBase],
-        name: str,
-        least: Role = "viewer",
+        self, route: str, view: Callable[..., HttpResponseBase], name: str, least: Role = "viewer"
     ) -> URLPattern:
         """Return the address of a page of a study, for staff with at least a role in it; no cache
         keeps the page. The view gets the study.
