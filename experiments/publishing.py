@@ -69,10 +69,8 @@ class NotPublishableError(ValueError):
 
 def store(definition: StudyDefinition, now: datetime.datetime) -> Row:
     """Store a study as a draft, in place of a draft of the same version, or return the row that
-    has the same definition already.
-
-    Raises:
-        BadDefinitionError: it has problems, or its version was published with other content.
+    has the same definition already. BadDefinitionError: it has problems, or its version was
+    published with other content.
     """
     if found := list(problems(definition)):
         raise BadDefinitionError(found)
@@ -109,10 +107,8 @@ def _draft(row: Row) -> "QuerySet[Row]":
 
 
 def save_draft(row: Row, definition: StudyDefinition) -> Row:
-    """Store a changed draft, complete or not; name and version stay.
-
-    Raises:
-        ChangedMeanwhileError: the study was changed or published since the row was read.
+    """Store a changed draft, complete or not; name and version stay. ChangedMeanwhileError: the
+    study was changed or published since the row was read.
     """
     named = msgspec.structs.replace(definition, slug=row.slug, version=row.version)
     if not _draft(row).update(**_fields(named)):
@@ -121,10 +117,8 @@ def save_draft(row: Row, definition: StudyDefinition) -> Row:
 
 
 def begin_empty(slug: str, title: str, languages: Sequence[str], now: datetime.datetime) -> Row:
-    """Create a draft with the usual steps, without conditions and courses.
-
-    Raises:
-        BadDefinitionError: the name is taken or reserved, or it or a language is malformed.
+    """Create a draft with the usual steps, without conditions and courses. BadDefinitionError: the
+    name is taken or reserved, or it or a language is malformed.
     """
     _check_name(slug)
     languages = tuple(dict.fromkeys(languages))
@@ -156,10 +150,7 @@ def new_version(row: Row, now: datetime.datetime) -> Row:
 
 def copy(row: Row, slug: str, title: str, now: datetime.datetime) -> Row:
     """Return a draft of a new study with the same definition: its first version, without
-    participants and researchers.
-
-    Raises:
-        BadDefinitionError: the name is taken or reserved.
+    participants and researchers. BadDefinitionError: the name is taken or reserved.
     """
     definition = row.as_definition()
     titles = dict.fromkeys(definition.languages, title)
@@ -227,7 +218,9 @@ def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
     # loads the columns of datasets, which pages about a study without analyses do not need
     from experiments.analysis.metrics.definitions import METRICS  # noqa: PLC0415
 
-    found = {gettext("Metrics of a drive"): {one.name: _metric_name(one) for one in METRICS}}
+    names = {one.name: one.name.replace("_", " ").capitalize() for one in METRICS}
+    units = {one.name: f" ({one.unit})" if one.unit else "" for one in METRICS}
+    found = {gettext("Metrics of a drive"): {key: names[key] + units[key] for key in names}}
     asked = {(step.questionnaire, step.version) for step in definition.asking}
     for one in _questionnaires(asked):
         language = language_for(one, get_language() or "")
@@ -243,11 +236,6 @@ def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
     return found
 
 
-def _metric_name(metric: Any) -> str:
-    words = metric.name.replace("_", " ").capitalize()
-    return f"{words} ({metric.unit})" if metric.unit else words
-
-
 def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
     if not definition.analyses:
         return
@@ -259,16 +247,13 @@ def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
     known = {name for group in measures_here(definition).values() for name in group}
     asked = {step.questionnaire for step in definition.asking}
     for n, one in enumerate(definition.analyses):
-        found = [
-            Problem(no_item if "." in name else no_metric, {"name": name})
-            for name in one.measures
-            if name not in known and ("." not in name or name.partition(".")[0] in asked)
-        ]
-        found += [
-            Problem(unfit, {"name": name, "tests": tests})
-            for name in one.measures
-            if (tests := unfit_for(one.test, name))
-        ]
+        found = []
+        for name in one.measures:
+            questionnaire, point, _item = name.partition(".")
+            if name not in known and (not point or questionnaire in asked):
+                found.append(Problem(no_item if point else no_metric, {"name": name}))
+            if tests := unfit_for(one.test, name):
+                found.append(Problem(unfit, {"name": name, "tests": tests}))
         yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
 
 
@@ -283,13 +268,11 @@ def _named_answers(definition: StudyDefinition) -> Iterator[Problem]:
         is_check = isinstance(rule, AttentionCheck)
         answers = (rule.answer,) if is_check else rule.answers
         name = _("attention check") if is_check else _("rule")
+        place = (ProblemPlace("plan"), _("Plan")) if is_check else (ProblemPlace("recruitment"),)
         for asked in _questionnaires(one for one in versions if one[0] == rule.questionnaire):
             found = _of_item(asked, rule.item, answers)
             named = within(found, None, name, f"{rule.questionnaire}.{rule.item}")
-            if is_check:
-                yield from within(named, ProblemPlace("plan"), _("Plan"))
-            else:
-                yield from within(named, ProblemPlace("recruitment"))
+            yield from within(named, *place)
 
 
 def _of_item(
@@ -339,12 +322,8 @@ def _questionnaires(versions: Iterable[tuple[str, int]]) -> Iterator[Questionnai
 
 def known_here() -> Known:
     """Return what studies can use here; publishing stores shipped questionnaires."""
-    return Known(
-        sites=sites(),
-        robots=robots_here(),
-        questionnaires=frozenset((one.slug, one.version) for one in usable()),
-        interfaces=frozenset(INTERFACES),
-    )
+    asked = frozenset((one.slug, one.version) for one in usable())
+    return Known(sites(), robots_here(), asked, frozenset(INTERFACES))
 
 
 def sites() -> dict[str, floorplan.FloorPlan]:
@@ -379,11 +358,8 @@ def _known_robots() -> list[Robot]:
 
 
 def _robots_elsewhere(definition: StudyDefinition) -> Iterator[Problem]:
-    here = {
-        ((robot.presence.factsheet or {})["series"], robot.floor_plan.name)
-        for robot in _known_robots()
-        if robot.floor_plan is not None
-    }
+    placed = (robot for robot in _known_robots() if robot.floor_plan is not None)
+    here = {((one.presence.factsheet or {})["series"], one.floor_plan.name) for one in placed}
     series = {name for name, _site in here}
     for n, condition in enumerate(definition.conditions):
         if condition.robot in series and (condition.robot, condition.site) not in here:
@@ -419,43 +395,36 @@ def publish(
     """Open a draft to participants, freeze its definition, and close the former version.
 
     `user` is None for a command. A `reason` is needed without a rehearsal that passed.
-    `is_confirmed`: the publisher has confirmed the doubts.
-
-    Raises:
-        NotPublishableError: with every reason.
+    `is_confirmed`: the publisher has confirmed the doubts. NotPublishableError has every reason.
     """
     rehearsal, reason, definition = passed_rehearsal(row), reason.strip(), row.as_definition()
     is_draft, unsure = row.status == Row.Status.DRAFT, list(doubts(definition))
     wrong = problems_of(row) if is_draft else [Problem(_("Only a draft can be published."))]
+    wrong += [] if is_confirmed else unsure
     if rehearsal is None and len(reason) < LEAST_REASON:
         words = _(
             "No rehearsal of this definition has passed: say in at least %(n)d characters why it "
             "is published without one."
         )
         wrong.append(Problem(words, {"n": LEAST_REASON}))
-    if wrong := wrong + ([] if is_confirmed else unsure):
+    if wrong:
         raise NotPublishableError(wrong)
     shipped = shipped_questionnaires()
     for step in definition.asking:
         rows = QuestionnaireRow.objects.filter(slug=step.questionnaire, version=step.version)
         used = rows.first() or questionnaires.store(shipped[step.questionnaire, step.version], now)
         questionnaires.freeze(used, now)
-    published = {
-        **_fields(definition),
-        "status": Row.Status.PUBLISHED,
-        "published_at": now,
-        "published_by": user,
-        "unrehearsed_reason": "" if rehearsal is not None else reason,
-    }
-    if not _draft(row).update(**published):
+    unrehearsed = reason if rehearsal is None else ""
+    published = {"status": Row.Status.PUBLISHED, "published_at": now, "published_by": user}
+    fields = _fields(definition) | published | {"unrehearsed_reason": unrehearsed}
+    if not _draft(row).update(**fields):
         words = _("The study has since been changed or published. Reload the page.")
         raise NotPublishableError([Problem(words)])
     others = Row.objects.filter(slug=row.slug, status=Row.Status.PUBLISHED).exclude(pk=row.pk)
     others.update(status=Row.Status.CLOSED, closed_at=now)
-    detail = f"version {row.version}{', unrehearsed' if rehearsal is None else ''}"
+    detail = f"version {row.version}{', unrehearsed' if unrehearsed else ''}"
     audit.note("study_published", actor=user, study=row.slug, detail=detail, at=now)
-    unrehearsed = f"Published without a rehearsal: {reason}"
-    log(row, user, unrehearsed if rehearsal is None else "Published.")
+    log(row, user, f"Published without a rehearsal: {reason}" if unrehearsed else "Published.")
     for one in unsure:
         log(row, user, f"Confirmed: {one}")
     return Row.objects.get(pk=row.pk)
@@ -467,10 +436,8 @@ def log(row: Model, user: Any, text: str) -> None:
 
 
 def close(row: Row, now: datetime.datetime) -> Row:
-    """Accept no new participants; those who take part may finish.
-
-    Raises:
-        NotPublishableError: it is not published.
+    """Accept no new participants; those who take part may finish. NotPublishableError: it is not
+    published.
     """
     rows = Row.objects.filter(pk=row.pk, status=Row.Status.PUBLISHED)
     if not rows.update(status=Row.Status.CLOSED, closed_at=now):
@@ -479,10 +446,8 @@ def close(row: Row, now: datetime.datetime) -> Row:
 
 
 def reopen(row: Row) -> Row:
-    """Accept participants again.
-
-    Raises:
-        NotPublishableError: it is not closed, or a newer version is published.
+    """Accept participants again. NotPublishableError: it is not closed, or a newer version is
+    published.
     """
     newer = Row.objects.filter(slug=row.slug, version__gt=row.version)
     if newer.exclude(status=Row.Status.DRAFT).exists():

@@ -51,9 +51,8 @@ def problems(study: StudyDefinition) -> Iterator[Problem]:
     yield from _of_assignment_and_analysis(study)
     if study.wizard is not None:
         keys = [condition.key for condition in study.conditions]
-        yield from wizards.problems(
-            study.wizard, keys, study.languages, is_debriefed=study.tells_of_operator
-        )
+        is_debriefed = study.tells_of_operator
+        yield from wizards.problems(study.wizard, keys, study.languages, is_debriefed=is_debriefed)
     yield from within(plan_problems.problems(study), ProblemPlace("plan"), _("Plan"))
     place, asked = ProblemPlace("recruitment"), {step.questionnaire for step in study.asking}
     if study.recruiting is not None:

@@ -8,6 +8,7 @@ docs/reference/studies.md explains every field.
 """
 
 from hashlib import sha256
+from operator import attrgetter
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import msgspec
@@ -293,10 +294,8 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
         instructions, or from the drive page when they get the robot.
         """
         places = {(one.access, one.robot, one.site) for one in self.conditions}
-        looks = {
-            (one.access, one.robot, one.site, one.interface, one.controllers, one.actions)
-            for one in self.conditions
-        }
+        parts = attrgetter("access", "robot", "site", "interface", "controllers", "actions")
+        looks = set(map(parts, self.conditions))
         return self.tells_condition or len(looks) > len(places)
 
     @property
@@ -344,9 +343,8 @@ def as_stored(value: Any) -> Any:
         return value
     config = value.__struct_config__
     tag = {config.tag_field: config.tag} if config.tag_field else {}
-    return tag | {
-        field.encode_name: as_stored(getattr(value, field.name)) for field in fields_of(type(value))
-    }
+    fields = fields_of(type(value))
+    return tag | {one.encode_name: as_stored(getattr(value, one.name)) for one in fields}
 
 
 def to_json(study: StudyDefinition) -> bytes:

@@ -75,7 +75,7 @@ def _drives(row: Participant) -> SafeString:
         for one in row.drives.order_by("number")
     )
     page = "admin:experiments_drive_change"
-    return by_line("{}", ((link_to(page, text, key),) for key, text in drives))
+    return by_line("{}", ([link_to(page, text, key)] for key, text in drives))
 
 
 @admin.register(Participant)
@@ -121,14 +121,12 @@ class ParticipantAdmin(StudyRows):
     ) -> list[tuple[Any, dict[str, Any]]]:
         is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
         who = ("person", "recruitment_id", "came_with", "age") if is_known else ()
+        times = ("created_at", "seen_at", "finished_at")
+        progress = ("status", "visit", "step", "round", *times, "ending")
         return [
             section(None, "code", "study", "kind", "access", "language_name", *who),
             section(_("Assignment"), "cell", "condition", "draw_list", "stage"),
-            section(
-                _("Progress"),
-                *("status", "visit", "step", "round"),
-                *("created_at", "seen_at", "finished_at", "ending"),
-            ),
+            section(_("Progress"), *progress),
             section(_("Withdrawn"), "withdrawn_at", "withdrawn_step", "withdrawn_stage"),
             section(_("Drives"), "drive_list"),
             *([section(_("Quality"), "quality")] if is_known else []),
@@ -143,10 +141,8 @@ class ParticipantAdmin(StudyRows):
         if not request.user.is_superuser:
             ranks = (StudyMember.Role.OWNER, StudyMember.Role.RESEARCHER)
             own = StudyMember.objects.filter(user=request.user, role__in=ranks)
-            known = Case(
-                When(study__slug__in=list(own.values_list("slug", flat=True)), then=known),
-                default=Value(""),
-            )
+            slugs = list(own.values_list("slug", flat=True))
+            known = Case(When(study__slug__in=slugs, then=known), default=Value(""))
         drives = Drive.objects.filter(participant=OuterRef("pk"))
         return rows.annotate(has_driven=Exists(drives), visible_id=known)
 

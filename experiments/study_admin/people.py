@@ -96,28 +96,20 @@ class PeoplePages(StudyPages):
 
     def hours_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         is_owner = may(request.user, row.slug, "owner")
-        form = opening_hours.HoursForm(
-            request.POST if request.method == "POST" else None,
-            initial={"time_zone": row.time_zone, **opening_hours.lines_by_day(row.opening_hours)},
-        )
+        lines = {"time_zone": row.time_zone, **opening_hours.lines_by_day(row.opening_hours)}
+        form = opening_hours.HoursForm(request.POST or None, initial=lines)
         if request.method == "POST" and not is_owner:
             raise Http404
         if form.is_valid():
             row.opening_hours, row.time_zone = form.hours, form.cleaned_data["time_zone"]
             row.save(update_fields=["opening_hours", "time_zone"])
             text = opening_hours.summary(row.opening_hours, row.time_zone)
-            note_change(
-                request,
-                row,
-                f"Opening hours: {text}.",
-                _("Opening hours: %(hours)s.") % {"hours": text},
-                detail="opening hours",
-            )
+            entry, words = f"Opening hours: {text}.", _("Opening hours: %(hours)s.")
+            note_change(request, row, entry, words % {"hours": text}, detail="opening hours")
             return HttpResponseRedirect(request.path)
         summary = opening_hours.summary(row.opening_hours, row.time_zone)
-        return self._page(
-            request, row, "hours", _("Opening hours"), form=form, is_owner=is_owner, summary=summary
-        )
+        context = {"form": form, "is_owner": is_owner, "summary": summary}
+        return self._page(request, row, "hours", _("Opening hours"), **context)
 
 
 def _members(row: Study) -> "QuerySet[StudyMember]":
@@ -169,11 +161,10 @@ def _made_links(request: HttpRequest, row: Study, form: LinksForm) -> dict[str, 
     until, count = form.expires_at(now), given["count"]
     expires = until.isoformat(timespec="seconds") if until else ""
     rows = [("label", "link", "expires")]
+    options = {"access": given["access"], "expires_at": until, "now": now}
     for n in range(1, count + 1):
         label = f"{given['label']} {n}".strip()
-        _link, token = links.make(
-            row, label=label, access=given["access"], expires_at=until, now=now
-        )
+        _link, token = links.make(row, label=label, **options)
         address = request.build_absolute_uri(reverse("study_link", args=[token]))
         rows.append((label, address, expires))
     file = csv_text(rows)

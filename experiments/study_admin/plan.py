@@ -38,16 +38,12 @@ class PowerForm(forms.Form):
 
     def clean_participants(self) -> str:
         words = self.cleaned_data["participants"].replace(",", " ").split()
-        are_numbers = all(word.isascii() and word.isdigit() for word in words)
-        if (
-            not are_numbers
-            or not 1 <= len(words) <= MOST_SIZES
-            or not all(1 <= int(word) <= MOST_PARTICIPANTS for word in words)
-        ):
-            raise forms.ValidationError(
-                _("Write up to %(most)d numbers from 1 to %(greatest)d, separated by commas.")
-                % {"most": MOST_SIZES, "greatest": MOST_PARTICIPANTS}
-            )
+        numbers = [int(word) for word in words if word.isascii() and word.isdigit()]
+        are_sizes = all(1 <= n <= MOST_PARTICIPANTS for n in numbers)
+        if not 1 <= len(words) == len(numbers) <= MOST_SIZES or not are_sizes:
+            text = _("Write up to %(most)d numbers from 1 to %(greatest)d, separated by commas.")
+            limits = {"most": MOST_SIZES, "greatest": MOST_PARTICIPANTS}
+            raise forms.ValidationError(text % limits)
         return ",".join(words)
 
 
@@ -79,11 +75,9 @@ class PlanPages(StudyPages):
 
     def preregistration_view(self, _request: HttpRequest, row: Study) -> HttpResponse:
         name = f"{row.slug}-{row.version}-preregistration.md"
-        return HttpResponse(
-            preregistration(row.as_definition(), freeze_of(row), questionnaires_of(row)),
-            content_type="text/markdown; charset=utf-8",
-            headers={"Content-Disposition": f'attachment; filename="{name}"'},
-        )
+        text = preregistration(row.as_definition(), freeze_of(row), questionnaires_of(row))
+        headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+        return HttpResponse(text, content_type="text/markdown; charset=utf-8", headers=headers)
 
     def power_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         form = PowerForm(request.POST)
@@ -118,10 +112,8 @@ class PlanPages(StudyPages):
             "is_owner": may(request.user, row.slug, "owner"),
             "deviations": DeviationsForm({"deviations": row.deviations}),
         }
-        title = _("Plan and power")
-        return self.study_page(
-            request, row, "plan", title, context | more, tab="overview", status=status
-        )
+        title, shown = _("Plan and power"), context | more
+        return self.study_page(request, row, "plan", title, shown, tab="overview", status=status)
 
 
 def by_test(found: dict[str, Any]) -> dict[str, Any]:
@@ -166,14 +158,10 @@ def data_when_frozen(freeze: FreezeRecord) -> str:
 def _simulated(row: Study, sizes: str) -> tuple[dict[str, Any] | None, str]:
     """Return the table of a simulation, made by a process of its own, or why there is none."""
     options = ("--participants", sizes, "--studies", str(STUDIES), "--json")
+    call, env = command("power", f"{row.slug}:{row.version}", *options), environment()
     try:
         done = subprocess.run(
-            command("power", f"{row.slug}:{row.version}", *options),
-            env=environment(),
-            check=True,
-            capture_output=True,
-            timeout=SECONDS,
-            text=True,
+            call, env=env, check=True, capture_output=True, timeout=SECONDS, text=True
         )
     except subprocess.TimeoutExpired:
         return None, _("The simulation took too long. Try fewer or smaller numbers.")

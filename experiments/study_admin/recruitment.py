@@ -49,9 +49,8 @@ class RecruitmentPages(StudyPages):
         definition = row.as_definition()
         address = request.build_absolute_uri(reverse("study", args=[row.slug]))
         site = definition.recruiting.site if definition.recruiting else "any"
-        upcoming = Appointment.objects.filter(
-            participant__study=row, ends_at__gt=timezone.now()
-        ).select_related("participant", "robot")
+        booked = Appointment.objects.filter(participant__study=row, ends_at__gt=timezone.now())
+        upcoming = booked.select_related("participant", "robot")
         api = reverse("api_participants", args=[row.slug])
         context = {
             "sharing_tab": "recruitment",

@@ -55,14 +55,13 @@ class WalkThroughPages(StudyPages):
         condition = request.GET.get("condition", "")
         condition = condition if definition.condition(condition) is not None else ""
         route = _route(definition, condition)
-        steps = [
-            (
-                _address(row, language, number, condition),
-                spoken(journey.step_at(definition, place).title, language) or place.step,
-            )
-            for number, place in enumerate(route, start=1)
-        ]
         keys = [place.step for place in route]
+        titles = [spoken(journey.step_at(definition, one).title, language) for one in route]
+        steps = [
+            (_address(row, language, number, condition), title or key)
+            for number, (title, key) in enumerate(zip(titles, keys, strict=True), start=1)
+        ]
+        conditions = {one.key: spoken(one.title, language) for one in definition.conditions}
         asked = request.GET.get("step", "")
         first = keys.index(asked) if asked in keys else 0
         context = {
@@ -74,9 +73,7 @@ class WalkThroughPages(StudyPages):
             "language": language,
             "languages": [(code, language_name(code)) for code in definition.languages],
             "condition": condition,
-            "conditions": [
-                (one.key, spoken(one.title, language) or one.key) for one in definition.conditions
-            ],
+            "conditions": [(key, text or key) for key, text in conditions.items()],
             "width": width,
             "widths": [(key, name) for key, (name, _size) in WIDTHS.items()],
             "size": WIDTHS[width][1],

@@ -115,9 +115,7 @@ def admits(rule: AnswerRule, value: Any) -> bool:
     """Tell whether an answer meets a rule. No answer (None) meets none; of several choices one must
     be named. Numbers compare as numbers.
     """
-    if value is None:
-        return False
-    if rule.answers and not names_answer(rule.answers, value):
+    if value is None or (rule.answers and not names_answer(rule.answers, value)):
         return False
     if rule.at_least is None and rule.at_most is None:
         return True
