@@ -56,6 +56,7 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
     conditions = {one.key: spoken(one.title, language) or one.key for one in study.conditions}
     measures = publishing.measures_here(study) if section in _MEASURING else {}
     pictures = [page.get("picture") or "" for page in part.get("leaves", ())]
+    built_in = {name: name for name in sorted(PICTURES)}
     return {
         "languages": tuple(code for code, _label in settings.LANGUAGES),
         "robot": here.robots,
@@ -70,10 +71,7 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
         **dict.fromkeys(("condition", "first", "second", "conditions"), conditions),
         "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
         "outcomes": {key: CHOICES["outcomes"][key] for key in REFILLED},
-        "pictures": {
-            **{name: name for name in sorted(PICTURES)},
-            **instruction_media.titles(row.slug, pictures),
-        },
+        "pictures": {**built_in, **instruction_media.titles(row.slug, pictures)},
         "shared": shared_fields(whole),
         "effects": effects(study, language),
         "claims": claims(study, language),
@@ -85,14 +83,11 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
 
 def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
     about_person = {step.questionnaire for step in study.asking if step.is_about_person}
-    named = {
-        f"{one.slug}.{item.key}": spoken(item.text, language)
-        for one in publishing.usable()
-        if one.slug in about_person
-        for item in one.questions()
-        if not item.item.is_free_text
-    }
-    return {AGE: _("Age"), **named}
+    named = {AGE: _("Age")}
+    for one in (one for one in publishing.usable() if one.slug in about_person):
+        items = (item for item in one.questions() if not item.item.is_free_text)
+        named |= {f"{one.slug}.{item.key}": spoken(item.text, language) for item in items}
+    return named
 
 
 def effects(study: StudyDefinition, language: str) -> dict[str, str]:
@@ -105,10 +100,8 @@ def effects(study: StudyDefinition, language: str) -> dict[str, str]:
 
 def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
     """Return what hypotheses can expect, by analysis: a sentence for each direction."""
-    return {
-        spoken(one.title, language) or one.key: dict(_claims(study, one, language))
-        for one in study.analyses
-    }
+    names = ((spoken(one.title, language) or one.key, one) for one in study.analyses)
+    return {name: dict(_claims(study, one, language)) for name, one in names}
 
 
 def write_claims(study: StudyDefinition, plan: Document) -> None:
@@ -139,10 +132,9 @@ def _claims(
     if one.is_model:
         for effect in one.effects:
             # an effect that depends on another factor has no direction
-            directed = [
-                it for it in study.factors if it.key == effect and not one.interacts(effect)
-            ]
-            sides = [spoken(level.title, language) for it in directed for level in it.levels]
+            directed = [] if one.interacts(effect) else study.factors
+            levels = [level for it in directed if it.key == effect for level in it.levels]
+            sides = [spoken(level.title, language) for level in levels]
             last = effect.replace(":", ".")
             yield from _directions(words.get(effect, effect), sides, f":{one.key}::{last}")
     elif not one.contrasts:
@@ -187,10 +179,8 @@ def questionnaire_titles() -> dict[tuple[str, int], str]:
     titles = {key: one.title for key, one in publishing.shipped_questionnaires().items()}
     rows = Questionnaire.objects.values_list("slug", "version", "definition")
     titles |= {(slug, version): definition["title"] for slug, version, definition in rows}
-    return {
-        key: questionnaires.listed_title(key[0], spoken(title, get_language() or ""))
-        for key, title in titles.items()
-    }
+    words = {key: spoken(title, get_language() or "") for key, title in titles.items()}
+    return {key: questionnaires.listed_title(key[0], title) for key, title in words.items()}
 
 
 def speeds_refused(part: Document) -> dict[str, str]:

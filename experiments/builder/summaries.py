@@ -61,13 +61,9 @@ def about(
         yield part.get("key", "")
         yield part.get("group", "")
     elif section == "conditions":
-        own = part.get("levels", {})
-        chosen = [
-            title_of(level, whole)
-            for factor in whole["factors"]
-            for level in factor.get("levels", ())
-            if own.get(factor["key"]) == level["key"]
-        ]
+        cell = part.get("levels", {}).items()
+        known = [(one["key"], level) for one in whole["factors"] for level in one.get("levels", ())]
+        chosen = [title_of(level, whole) for key, level in known if (key, level["key"]) in cell]
         yield ", ".join(chosen)
         yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
         yield _("by invitation") if part.get("access") == "invitation" else ""

@@ -10,7 +10,7 @@ from django.core.exceptions import ValidationError
 from django.db.models import QuerySet
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import get_object_or_404
-from django.urls import URLPattern, reverse
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
@@ -18,7 +18,7 @@ from django.utils.translation import ngettext
 from experiments import publishing
 from experiments.access import may
 from experiments.builder.forms import LinksForm, MemberForm
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, study_view
 from experiments.models import PersonalLink, ResearcherInvitation, Study, StudyMember
 from experiments.participation import links
 from experiments.research.invitations import invite
@@ -30,19 +30,13 @@ MOST_LISTED = 500
 
 
 class PeoplePages(StudyPages):
-    def people_urls(self) -> list[URLPattern]:
-        return [
-            self.study_path("researchers/", self.members_view, "members"),
-            self.study_path("links/", self.links_view, "links", "researcher"),
-            self.study_path("hours/", self.hours_view, "hours"),
-        ]
-
     def _page(
         self, request: HttpRequest, row: Study, name: str, title: str, **context: Any
     ) -> HttpResponse:
         shown = {"sharing_tab": name, **context}
         return self.study_page(request, row, name, title, shown, tab="sharing")
 
+    @study_view("researchers/", "members")
     def members_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         is_owner = may(request.user, row.slug, "owner")
         form = MemberForm(request.POST if "add" in request.POST else None)
@@ -75,6 +69,7 @@ class PeoplePages(StudyPages):
         }
         return self._page(request, row, "members", _("Researchers"), **context)
 
+    @study_view("links/", "links", "researcher")
     def links_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the links of a study without their tokens; a POST makes some, which this one answer
         shows and offers as a file, or revokes one.
@@ -94,6 +89,7 @@ class PeoplePages(StudyPages):
         context = {"links": rows[:MOST_LISTED], "form": form, "made": made, "now": timezone.now()}
         return self._page(request, row, "links", _("Personal links"), **context)
 
+    @study_view("hours/", "hours")
     def hours_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         is_owner = may(request.user, row.slug, "owner")
         lines = {"time_zone": row.time_zone, **opening_hours.lines_by_day(row.opening_hours)}

@@ -10,14 +10,13 @@ from django import forms
 from django.core.validators import MaxLengthValidator
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect
-from django.urls import URLPattern
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
 from django.views.decorators.http import require_POST, require_safe
 
 from experiments.access import may
 from experiments.analysis.plan.preregistration import preregistration
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, study_view
 from experiments.dataset.records import FreezeRecord
 from experiments.extraction.answers import questionnaires_of
 from experiments.extraction.build import freeze_of
@@ -60,25 +59,18 @@ class DeviationsForm(forms.Form):
 
 
 class PlanPages(StudyPages):
-    def plan_urls(self) -> list[URLPattern]:
-        text, deviations = require_safe(self.preregistration_view), self.deviations_view
-        power = require_POST(self.power_view)
-        return [
-            self.study_path("plan/", require_safe(self.plan_view), "plan"),
-            self.study_path("plan/preregistration.md", text, "preregistration"),
-            self.study_path("plan/power/", power, "power", "researcher"),
-            self.study_path("plan/deviations/", require_POST(deviations), "deviations", "owner"),
-        ]
-
+    @study_view("plan/", "plan", guard=require_safe)
     def plan_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         return self._plan(request, row, PowerForm())
 
+    @study_view("plan/preregistration.md", "preregistration", guard=require_safe)
     def preregistration_view(self, _request: HttpRequest, row: Study) -> HttpResponse:
         name = f"{row.slug}-{row.version}-preregistration.md"
         text = preregistration(row.as_definition(), freeze_of(row), questionnaires_of(row))
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}
         return HttpResponse(text, content_type="text/markdown; charset=utf-8", headers=headers)
 
+    @study_view("plan/power/", "power", "researcher", require_POST)
     def power_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         form = PowerForm(request.POST)
         if not form.is_valid():
@@ -88,6 +80,7 @@ class PlanPages(StudyPages):
         status = 200 if table else 503
         return self._plan(request, row, form, status=status, power=power, failure=failure)
 
+    @study_view("plan/deviations/", "deviations", "owner", require_POST)
     def deviations_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         form = DeviationsForm(request.POST)
         if not form.is_valid():

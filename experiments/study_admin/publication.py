@@ -6,12 +6,11 @@ from collections.abc import Iterator
 
 import msgspec
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import URLPattern
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from experiments.access import may
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, study_view
 from experiments.definition import publication
 from experiments.definition.publication import LICENCES, PublicationDetails
 from experiments.models import Study
@@ -51,9 +50,7 @@ class DetailsForm(PartForm):
 
 
 class PublicationPages(StudyPages):
-    def publication_urls(self) -> list[URLPattern]:
-        return [self.study_path("publication/", self.publication_view, "publication")]
-
+    @study_view("publication/", "publication")
     def publication_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the details; owners change them, also after the study was published."""
         is_owner = may(request.user, row.slug, "owner")

@@ -7,7 +7,7 @@ from typing import Any
 from django import forms
 from django.db import IntegrityError, transaction
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import URLPattern, reverse
+from django.urls import reverse
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
@@ -15,7 +15,7 @@ from django.views.decorators.http import require_safe
 
 from accounts import audit
 from experiments.builder.labels import ENDING_NAMES
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, study_view
 from experiments.models import Appointment, Study, StudyKey
 from experiments.participation import completion
 from experiments.recruitment import sites
@@ -32,13 +32,7 @@ class KeyForm(forms.Form):
 
 
 class RecruitmentPages(StudyPages):
-    def recruitment_urls(self) -> list[URLPattern]:
-        payments = require_safe(self.payments_view)
-        return [
-            self.study_path("recruitment/", self.recruitment_view, "recruitment", "researcher"),
-            self.study_path("payments.csv", payments, "payments", "researcher"),
-        ]
-
+    @study_view("recruitment/", "recruitment", "researcher")
     def recruitment_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the page; a POST makes a key, which is shown in this answer only, or revokes one."""
         if "revoke" in request.POST:
@@ -67,6 +61,7 @@ class RecruitmentPages(StudyPages):
         title = _("Recruitment")
         return self.study_page(request, row, "recruitment", title, context, tab="sharing")
 
+    @study_view("payments.csv", "payments", "researcher", require_safe)
     def payments_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         audit.note("payments_exported", actor=request.user, study=row.slug)
         name = f"{row.slug}-payments.csv"

@@ -9,14 +9,14 @@ that a page sends only leads to the next one. Robots are driven by pilots instea
 from csp.constants import SELF
 from csp.decorators import csp_replace
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
-from django.urls import URLPattern, reverse
+from django.urls import reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 from django.views.decorators.clickjacking import xframe_options_sameorigin
 
 from accounts.models import User
-from experiments.builder.study_page import StudyPages
+from experiments.builder.study_page import StudyPages, View, study_view
 from experiments.builder.views import WALK_THROUGH, sections
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Participant, ParticipantKind, Study
@@ -32,19 +32,15 @@ WIDTHS = {
     "tablet": (gettext_lazy("Tablet"), (820, 760)),
     "computer": (gettext_lazy("Computer"), (1280, 760)),
 }
+STEP = "walk-through/<slug:language>/<int:number>"
+
+
+def _in_frame(view: View) -> View:
+    return xframe_options_sameorigin(csp_replace({"frame-ancestors": [SELF]})(view))
 
 
 class WalkThroughPages(StudyPages):
-    def walk_through_urls(self) -> list[URLPattern]:
-        in_frame = csp_replace({"frame-ancestors": [SELF]})(self.walked_step_view)
-        step, route = xframe_options_sameorigin(in_frame), "walk-through/"
-        place = f"{route}<slug:language>/<int:number>/"
-        return [
-            self.study_path(route, self.walk_through_view, "walk_through"),
-            self.study_path(place, step, "walked_step"),
-            self.study_path(f"{place}<slug:condition>/", step, "walked_step"),
-        ]
-
+    @study_view("walk-through/", "walk_through")
     def walk_through_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the steps, and the one that is chosen in a frame of the chosen width:
         `?language=es&width=phone&condition=a&step=task`.
@@ -81,6 +77,8 @@ class WalkThroughPages(StudyPages):
         title = _("Walk through as a participant")
         return self.study_page(request, row, "walk_through", title, context, tab="builder")
 
+    @study_view(f"{STEP}/", "walked_step", guard=_in_frame)
+    @study_view(f"{STEP}/<slug:condition>/", "walked_step", guard=_in_frame)
     def walked_step_view(
         self, request: HttpRequest, row: Study, language: str, number: int, condition: str = ""
     ) -> HttpResponseBase:

@@ -44,6 +44,7 @@ from surveys.editor.draft import (
 )
 from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
 from surveys.editor.overview import address, listed, preview_of, problem_texts, text_of
+from surveys.forms import LanguagesField
 from surveys.importing.reading import MAX_SLUG, slug_for
 from surveys.item import Question
 from surveys.models import Questionnaire
@@ -62,12 +63,7 @@ TITLES = {
 
 class WriteForm(forms.Form):
     title = forms.CharField(label=gettext_lazy("Title"), max_length=200)
-    languages = forms.MultipleChoiceField(
-        label=gettext_lazy("Languages"),
-        choices=lambda: [(code, language_name(code)) for code, _label in settings.LANGUAGES],
-        initial=lambda: [(get_language() or "en").partition("-")[0]],
-        widget=forms.CheckboxSelectMultiple,
-    )
+    languages = LanguagesField(initial=lambda: [(get_language() or "en").partition("-")[0]])
     name = forms.RegexField(
         r"^[a-z][a-z0-9-]*$",
         label=gettext_lazy("Name"),
@@ -144,10 +140,10 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
     sent = _read(request, place, known, whole)
     if former is None:
         sent.above.append(_("Not saved: someone else removed this question."))
-    if not (sent.errors or sent.above):
+    if not sent.is_refused:
         refusal = keep(request, row, place.put(whole, sent.part))
         sent.above += [refusal] if refusal else []
-    if sent.errors or sent.above:
+    if sent.is_refused:
         return _show(request, Questionnaire.objects.get(pk=pk), place, sent, known)
     user: Any = request.user
     what = f"Changed: {section} {key}"
@@ -248,14 +244,9 @@ def _show(
 ) -> HttpResponse:
     whole = whole_of(row)
     former = place.part(whole) or former or sent.part
-    form = EditorForm(
-        place.cls(former),
-        sent.part,
-        languages=whole["languages"],
-        offered=_offered(whole, place, sent.part),
-        only=place.only,
-        is_sent=bool(sent.errors),
-    )
+    given: Document = {"languages": whole["languages"], "only": place.only}
+    given |= {"offered": _offered(whole, place, sent.part), "is_sent": bool(sent.errors)}
+    form = EditorForm(place.cls(former), sent.part, **given)
     kind = former.get("kind", "")
     keys = [{page["key"], *(item["key"] for item in page["items"])} for page in whole["pages"]]
     page = next((n for n, inside in enumerate(keys, 1) if place.key in inside), 1)
@@ -268,8 +259,7 @@ def _show(
         "problems": problem_texts(problems_of(row), whole).get(place, ()),
         "preview": preview_of(row, page) + (f"#q-{place.key}" if kind else ""),
     }
-    status = 422 if sent.errors or sent.above else 200
-    return _page(request, "editor_part", context, row, status=status)
+    return _page(request, "editor_part", context, row, status=422 if sent.is_refused else 200)
 
 
 def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
