@@ -46,11 +46,9 @@ class StudyDesign(DocumentPart, frozen=True, kw_only=True):
 
 def design_of(whole: Document) -> Document:
     fields, first = shared_fields(whole), next(iter(whole["conditions"]), {})
-    return {
-        "factors": whole["factors"],
-        "shared": {key: value for key, value in first.items() if key in fields},
-        "allocation": whole.get("allocation", {}),
-    }
+    shared = {key: value for key, value in first.items() if key in fields}
+    allocation = whole.get("allocation", {})
+    return {"factors": whole["factors"], "shared": shared, "allocation": allocation}
 
 
 def shared_fields(whole: Document) -> tuple[str, ...]:
@@ -76,11 +74,9 @@ def with_design(whole: Document, design: Document) -> Document:
 def set_by_levels(study: StudyDefinition, key: str) -> dict[str, str]:
     """Return the fields that levels set ("network.video.delay") with the titles of the levels."""
     condition = study.condition(key)
-    return {
-        ".".join(SETTINGS[name]): shown(level)
-        for factor, level in (levels_of(study, condition) if condition is not None else ())
-        for name in factor.changes
-    }
+    own = levels_of(study, condition) if condition is not None else []
+    titles = {name: shown(level) for factor, level in own for name in factor.changes}
+    return {".".join(SETTINGS[name]): title for name, title in titles.items()}
 
 
 def shown(part: Condition | Factor | Level) -> str:
@@ -239,16 +235,11 @@ def condition_facts(condition: Document, *, but: Collection[str] = ()) -> Iterat
 def design_table(study: StudyDefinition) -> dict[str, Any]:
     """Return the conditions as a table with a column for each factor, and counts as `facts`."""
     changed = {name for factor in study.factors for name in factor.changes}
-    rows = [
-        {
-            "n": n,
-            "title": shown(one),
-            "key": one.key,
-            "levels": [_level_text(factor, level) for factor, level in levels_of(study, one)],
-            "facts": list(condition_facts(msgspec.to_builtins(one), but=changed)),
-        }
-        for n, one in enumerate(study.conditions)
-    ]
+    rows: list[Document] = []
+    for n, one in enumerate(study.conditions):
+        levels = [_level_text(factor, level) for factor, level in levels_of(study, one)]
+        facts = list(condition_facts(msgspec.to_builtins(one), but=changed))
+        rows.append({"n": n, "title": shown(one), "key": one.key, "levels": levels, "facts": facts})
     heads = [shown(factor) for factor in study.factors]
     return {"heads": heads, "rows": rows, "facts": list(_numbers(study))}
 

@@ -29,13 +29,9 @@ def kinds(section: str) -> list[tuple[str, Any]]:
 
 def title_of(part: Document, whole: Document) -> str:
     named = {"robot": part.get("robot", ""), "site": part.get("site", "")}
-    return (
-        text_in(part.get("title", {}), whole["languages"])
-        or part.get("name")
-        or part.get("code")
-        or part.get("key")
-        or _("%(robot)s at %(site)s") % named
-    )
+    texts = [text_in(part.get("title", {}), whole["languages"])]
+    texts += [part.get(name, "") for name in ("name", "code", "key")]
+    return next(filter(None, texts), _("%(robot)s at %(site)s") % named)
 
 
 def about(

@@ -81,15 +81,11 @@ def address(row: Row, place: BuilderPlace) -> str:
 
 def sections(row: Row) -> list[dict[str, Any]]:
     """Return the tabs of the builder, lists with their lengths; the last is the walk through."""
-    found = [
-        {
-            "key": name,
-            "label": str(title),
-            "url": address(row, BuilderPlace(name)),
-            "count": len(row.definition.get(name, ())) if name in LISTS else None,
-        }
-        for name, title in TITLES.items()
-    ]
+    found: list[dict[str, Any]] = []
+    for name, title in TITLES.items():
+        url, is_list = address(row, BuilderPlace(name)), name in LISTS
+        count = len(row.definition.get(name, ())) if is_list else None
+        found.append({"key": name, "label": str(title), "url": url, "count": count})
     walk = reverse("admin:experiments_study_walk_through", args=[row.pk])
     last = {"key": WALK_THROUGH, "label": _("Walk through"), "url": walk, "count": None}
     return [*found, last]
@@ -181,14 +177,10 @@ class BuilderPages(StudyPages):
         if "questionnaire" in former:
             leads_here(request, row.shown_title, address(row, place))
         advised = advice(row.as_definition(), place, get_language() or "")
-        context: Document = {
-            "advice": [LinkedProblem(text, address(row, other)) for text, other in advised],
-            "form": form,
-            "place": place,
-            "above": draft.above,
-            "has_errors": bool(draft.errors),
-            "part_title": title_of(former, whole) if place.index is not None else "",
-        }
+        links = [LinkedProblem(text, address(row, other)) for text, other in advised]
+        title = title_of(former, whole) if place.index is not None else ""
+        context: Document = {"form": form, "place": place, "advice": links, "part_title": title}
+        context |= {"above": draft.above, "has_errors": bool(draft.errors)}
         if place.section == "steps":
             page = page_type(former["kind"])
             context |= {"kind": page.label, "told": page.note, "walked": former["key"]}

@@ -53,12 +53,9 @@ def setting_of(condition: Condition, name: str) -> Any:
 
 def levels_of(study: StudyDefinition, condition: Condition) -> list[tuple[Factor, Level]]:
     """Return the levels of a condition, in the order of the factors, without unknown ones."""
-    return [
-        (factor, level)
-        for factor in study.factors
-        for level in factor.levels
-        if level.key == condition.levels.get(factor.key)
-    ]
+    own = condition.levels
+    known = ((factor, level) for factor in study.factors for level in factor.levels)
+    return [(factor, level) for factor, level in known if level.key == own.get(factor.key)]
 
 
 def with_levels(condition: Condition, cell: Iterable[tuple[Factor, Level]]) -> Condition:

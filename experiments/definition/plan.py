@@ -124,10 +124,6 @@ def deciding_hypotheses(
     """Return the hypotheses that one test of a measure decides. `contrast` is its number from 1;
     None for a test of all conditions at once. `effect` is that of a model.
     """
-    return tuple(
-        one
-        for one in hypotheses_of(plan, analysis)
-        if measure in measures_of(one, analysis)
-        and one.contrast in {None, contrast}
-        and one.effect in {"", effect}
-    )
+    contrasts, effects = {None, contrast}, {"", effect}
+    known = [one for one in hypotheses_of(plan, analysis) if measure in measures_of(one, analysis)]
+    return tuple(one for one in known if one.contrast in contrasts and one.effect in effects)

@@ -59,14 +59,8 @@ class PeoplePages(StudyPages):
             publishing.log(row, request.user, f"Invited: {role}.")
             invited = {"email": form.invited, "link": link, "is_sent": is_sent}
             form = MemberForm()
-        context = {
-            "members": _members(row).order_by("user__username"),
-            "invitations": invitations,
-            "invited": invited,
-            "now": timezone.now(),
-            "form": form,
-            "is_owner": is_owner,
-        }
+        context = {"form": form, "is_owner": is_owner, "now": timezone.now(), "invited": invited}
+        context |= {"members": _members(row).order_by("user__username"), "invitations": invitations}
         return self._page(request, row, "members", _("Researchers"), **context)
 
     @study_view("links/", "links", "researcher")
@@ -166,12 +160,8 @@ def _made_links(request: HttpRequest, row: Study, form: LinksForm) -> dict[str, 
     file = csv_text(rows)
     entry = f"{count} personal links made."
     note_change(request, row, entry, event="links_made", detail=str(count))
-    return {
-        "count": count,
-        "file": f"{row.slug}-{row.version}-links.csv",
-        "text": file,
-        "href": f"data:text/csv;charset=utf-8,{quote(file)}",
-    }
+    name, href = f"{row.slug}-{row.version}-links.csv", f"data:text/csv;charset=utf-8,{quote(file)}"
+    return {"count": count, "file": name, "text": file, "href": href}
 
 
 def _revoke(request: HttpRequest, row: Study, pk: str) -> None:

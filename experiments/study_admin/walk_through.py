@@ -6,6 +6,8 @@ The participant is in no database. Each page is drawn by the step's own code
 that a page sends only leads to the next one. Robots are driven by pilots instead.
 """
 
+from typing import Any
+
 from csp.constants import SELF
 from csp.decorators import csp_replace
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
@@ -60,20 +62,17 @@ class WalkThroughPages(StudyPages):
         conditions = {one.key: spoken(one.title, language) for one in definition.conditions}
         asked = request.GET.get("step", "")
         first = keys.index(asked) if asked in keys else 0
-        context = {
+        context: dict[str, Any] = {
             "sections": sections(row),
             "section": WALK_THROUGH,
             "steps": steps,
             "shown": steps[first][0] if steps else "",
-            "step": asked,
-            "language": language,
             "languages": [(code, language_name(code)) for code in definition.languages],
-            "condition": condition,
             "conditions": [(key, text or key) for key, text in conditions.items()],
-            "width": width,
             "widths": [(key, name) for key, (name, _size) in WIDTHS.items()],
             "size": WIDTHS[width][1],
         }
+        context |= {"step": asked, "language": language, "condition": condition, "width": width}
         title = _("Walk through as a participant")
         return self.study_page(request, row, "walk_through", title, context, tab="builder")
 
@@ -123,16 +122,10 @@ def _participant(
     one in every round.
     """
     place = route[number - 1]
-    participant = Participant(
-        study=row,
-        user=User(kind=User.Kind.PARTICIPANT),
-        kind=ParticipantKind.PILOT,
-        access=_access(row.as_definition(), condition),
-        visit=place.visit,
-        round=place.round,
-        step=place.step,
-        language=language,
-    )
+    user, kind = User(kind=User.Kind.PARTICIPANT), ParticipantKind.PILOT
+    where = {"visit": place.visit, "round": place.round, "step": place.step, "language": language}
+    access = _access(row.as_definition(), condition)
+    participant = Participant(study=row, user=user, kind=kind, access=access, **where)
     if condition:
         participant.conditions = [condition] * (1 + route[-1].round)
         participant.stage = Participant.Stage.UNDER_WAY

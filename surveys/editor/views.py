@@ -250,15 +250,11 @@ def _show(
     kind = former.get("kind", "")
     keys = [{page["key"], *(item["key"] for item in page["items"])} for page in whole["pages"]]
     page = next((n for n, inside in enumerate(keys, 1) if place.key in inside), 1)
-    context = {
-        "title": kind_name(kind) if kind else TITLES[place.section],
-        "form": form,
-        "kind": kind,
-        "above": sent.above,
-        "has_errors": bool(sent.errors),
-        "problems": problem_texts(problems_of(row), whole).get(place, ()),
-        "preview": preview_of(row, page) + (f"#q-{place.key}" if kind else ""),
-    }
+    title = kind_name(kind) if kind else TITLES[place.section]
+    preview = preview_of(row, page) + (f"#q-{place.key}" if kind else "")
+    problems = problem_texts(problems_of(row), whole).get(place, ())
+    context = {"form": form, "kind": kind, "above": sent.above, "has_errors": bool(sent.errors)}
+    context |= {"title": title, "problems": problems, "preview": preview}
     return _page(request, "editor_part", context, row, status=422 if sent.is_refused else 200)
 
 
@@ -269,17 +265,14 @@ def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
     before = {one.key: one for one in earlier(definition, place)}
     asked = before.get((part.get("show_if") or {}).get("item", ""))
     answers = asked.labelled_values if asked is not None else ()
+    scored = [one.key for one in definition.questions() if one.score_values]
     return {
         "languages": list(dict.fromkeys([*dict(settings.LANGUAGES), *whole["languages"]])),
         "scale": {**{name: str(words) for name, (words, _labels) in READY.items()}, **scales},
         "ItemCondition.item": {key: texts[key] for key in before},
-        "ItemCondition.one_of": {
-            str(value): text(dict(label)) or str(value) for value, label in answers
-        },
+        "ItemCondition.one_of": {str(n): text(dict(label)) or str(n) for n, label in answers},
         "outcome": list(CHOICES["outcome"]),
-        "QuestionTopic.items": {
-            one.key: texts[one.key] for one in definition.questions() if one.score_values
-        },
+        "QuestionTopic.items": {key: texts[key] for key in scored},
     }
 
 
