@@ -212,9 +212,7 @@ def _missing_media(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def measures_here(definition: StudyDefinition) -> dict[str, dict[str, str]]:
-    """Return titles of what a study can measure, by group and key: metrics of drives, and the
-    scores, topics and items of each questionnaire.
-    """
+    """Return titles of measures by group and key: metrics; scores, topics and items of answers."""
     # loads the columns of datasets, which pages about a study without analyses do not need
     from experiments.analysis.metrics.definitions import METRICS  # noqa: PLC0415
 
@@ -258,9 +256,7 @@ def _unknown_measures(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def _named_answers(definition: StudyDefinition) -> Iterator[Problem]:
-    """Yield the attention checks, screening rules and quotas that name an item or an answer that
-    the questionnaire does not have, or the answer to a free text.
-    """
+    """Yield checks, screening rules and quotas whose item or answer the questionnaire lacks."""
     checks = definition.plan.attention_checks if definition.plan is not None else ()
     rules: list[Any] = [*checks, *definition.screening, *definition.answer_quotas]
     versions = {(step.questionnaire, step.version) for step in definition.asking}
@@ -369,9 +365,7 @@ def _robots_elsewhere(definition: StudyDefinition) -> Iterator[Problem]:
 
 
 def usable() -> Iterator[QuestionnaireDefinition]:
-    """Yield the questionnaires that can be asked: complete ones in the database, and those that
-    come with the site, without templates.
-    """
+    """Yield usable questionnaires: complete ones here, and shipped ones that are no templates."""
     rows = list(QuestionnaireRow.objects.order_by("title", "slug", "version"))
     yield from (row.as_definition() for row in rows if questionnaires.is_usable(row))
     taken = {(row.slug, row.version) for row in rows}

@@ -1,6 +1,4 @@
-"""What a form of the study builder offers: sites, robots, questionnaires, and the parts of a study
-that others refer to.
-"""
+"""What forms of the study builder offer: sites, robots, questionnaires, parts of the study."""
 
 from collections import ChainMap
 from collections.abc import Iterable, Iterator, Mapping, Sequence

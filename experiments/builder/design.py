@@ -1,6 +1,4 @@
-"""The design page of a study: its factors, what each level sets, what all conditions share, and the
-assignment. The conditions follow from it (arrangement.py); a table shows them.
-"""
+"""The design page: factors, what levels set, what conditions share, assignment, and a table."""
 
 import math
 import re

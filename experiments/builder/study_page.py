@@ -38,9 +38,7 @@ class StudyPages:
     opts: Any
 
     def study_path(self, route: str, view: View, name: str, least: Role = "viewer") -> URLPattern:
-        """Return the address of a page of a study, for staff with at least a role in it; no cache
-        keeps the page. The view gets the study.
-        """
+        """Return the address of an uncached page that gets the study, for staff with a role."""
 
         def shown(request: HttpRequest, pk: UUID, **place: Any) -> HttpResponseBase:
             return view(request, study_for(request, pk, least), **place)

@@ -76,9 +76,7 @@ def _with(part: Any, path: Sequence[str], value: Any) -> Any:
 
 
 def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], ...]:
-    """Return the conditions with an access, in groups: of one group a participant has one condition
-    (between participants) or all (within participants, or in a mixed design).
-    """
+    """Group conditions of an access; a participant has one (between) or all (within) of one."""
     found: dict[tuple[str, ...], list[Condition]] = {}
     for condition in study.conditions:
         if condition.access == access:
@@ -87,9 +85,7 @@ def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], 
 
 
 def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
-    """Return the keys of the conditions that one participant does, for each kind of participant:
-    one condition between participants, several within them.
-    """
+    """Return the keys of the conditions that one participant does, for each kind of participant."""
     parts = [*groups(study, "open"), *groups(study, "invitation")]
     if study.allocation.design == "within":
         return [tuple(one.key for one in group) for group in parts]

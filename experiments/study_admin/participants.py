@@ -58,9 +58,7 @@ def _draws(row: Participant) -> SafeString:
 
 
 def _quality_flags(row: Participant) -> str | SafeString:
-    """Return what the checks of the participant's data found, the most serious first; they exclude
-    no participant.
-    """
+    """Return what data checks found, the most serious first; they exclude no participant."""
     # with NumPy, which other pages need not load
     from experiments.recruitment.quality import flags_of_study  # noqa: PLC0415
 
@@ -133,9 +131,7 @@ class ParticipantAdmin(StudyRows):
         ]
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
-        """Read in the same query who has driven, and the recruitment ids that this user may see:
-        viewers can neither read nor search them.
-        """
+        """Annotate who has driven, and the recruitment ids that this user may read and search."""
         rows: QuerySet[Participant] = super().get_queryset(request)
         known: Any = F("recruitment_id")
         if not request.user.is_superuser:
@@ -157,9 +153,7 @@ class ParticipantAdmin(StudyRows):
         return [self.row_path(self.withdraw_view, "withdraw"), *super().get_urls()]
 
     def withdraw_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask for the participant's code; once it is repeated, delete everything and show the
-        receipt that participants get on the page “Your data”.
-        """
+        """Once the participant's code is repeated, delete everything and show the receipt."""
         row = self.row_for(request, pk, "researcher")
         if row.status == Participant.Status.WITHDRAWN:
             raise Http404

@@ -1,6 +1,4 @@
-"""Pages of a study about people: its researchers, its personal links, its opening hours. Mixed into
-the studies' administration.
-"""
+"""A study's pages about people: its researchers, its personal links, its opening hours."""
 
 from typing import Any
 from urllib.parse import quote
@@ -65,9 +63,7 @@ class PeoplePages(StudyPages):
 
     @study_view("links/", "links", "researcher")
     def links_view(self, request: HttpRequest, row: Study) -> HttpResponse:
-        """Show the links of a study without their tokens; a POST makes some, which this one answer
-        shows and offers as a file, or revokes one.
-        """
+        """Show links without tokens; a POST makes some, shown once, or revokes one."""
         definition = row.as_definition()
         form = LinksForm(definition, request.POST if "make" in request.POST else None)
         made = None
@@ -137,9 +133,7 @@ def _is_last_owner(member: StudyMember | None) -> bool:
 
 
 def _row_of(rows: "QuerySet[Any]", key: str) -> Any:
-    """Return the row with a primary key that a form sent; Http404 when there is none: the key may
-    be any text.
-    """
+    """Return the row with a primary key that a form sent, which may be any text, or Http404."""
     try:
         return get_object_or_404(rows, pk=key)
     except (ValueError, ValidationError) as error:

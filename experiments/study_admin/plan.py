@@ -1,6 +1,4 @@
-"""The plan of a study in the administration: its preregistration, the deviations from it, and the
-power by simulation. Mixed into the studies' administration.
-"""
+"""A study's plan in the administration: preregistration, deviations, power by simulation."""
 
 import json
 import subprocess
@@ -110,9 +108,7 @@ class PlanPages(StudyPages):
 
 
 def by_test(found: dict[str, Any]) -> dict[str, Any]:
-    """Return the table of a simulation (experiments/analysis/power/) with a row for each test, and
-    its power and the interval of that for each number of participants.
-    """
+    """Return a simulation's table with a row for each test: power and interval by sample size."""
     sizes = sorted({size for size, *_rest in found["rows"]}, key=int)
     powers: dict[tuple[str, ...], dict[str, tuple[str, str]]] = {}
     for size, analysis, measure, test, hypothesis, power, low, high in found["rows"]:

@@ -1,6 +1,4 @@
-"""The page for the publication details of a study, which its dataset carries in a repository. Mixed
-into the studies' administration.
-"""
+"""The page of the publication details that a study's dataset carries in a repository."""
 
 from collections.abc import Iterator
 

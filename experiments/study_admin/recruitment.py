@@ -1,6 +1,4 @@
-"""The recruitment page of a study: the link for the recruitment site, codes and return addresses,
-payments, appointments, and keys for programs. Mixed into the studies' administration.
-"""
+"""The recruitment page: links, codes, return addresses, payments, appointments, API keys."""
 
 from typing import Any
 

@@ -1,6 +1,4 @@
-"""A rehearsal as text: its progress, and its issues by condition, each with the page of the builder
-on which it is corrected.
-"""
+"""A rehearsal as text: its progress, and its issues with the builder's page that corrects each."""
 
 import datetime
 from collections.abc import Iterable

@@ -24,9 +24,7 @@ from experiments.study_admin.rows import StudyFilter, StudyRows, column
 
 
 def offer_of(study: Study) -> dict[str, Any]:
-    """Return the newest rehearsal of a draft, and what the next one would do, or why there cannot
-    be one.
-    """
+    """Return the newest rehearsal, and what the next one would do or why it is impossible."""
     now, definition, latest = timezone.now(), study.as_definition(), runs.latest(study)
     return {
         "latest": latest,

@@ -44,9 +44,7 @@ def _in_frame(view: View) -> View:
 class WalkThroughPages(StudyPages):
     @study_view("walk-through/", "walk_through")
     def walk_through_view(self, request: HttpRequest, row: Study) -> HttpResponse:
-        """Show the steps, and the one that is chosen in a frame of the chosen width:
-        `?language=es&width=phone&condition=a&step=task`.
-        """
+        """Show the steps, one in a frame: `?language=es&width=phone&condition=a&step=task`."""
         definition = row.as_definition()
         language = _one_of(definition.languages, request.GET.get("language", ""))
         width = _one_of(tuple(WIDTHS), request.GET.get("width", ""))
@@ -118,9 +116,7 @@ def _route(definition: StudyDefinition, condition: str) -> tuple[journey.Journey
 def _participant(
     row: Study, route: tuple[journey.JourneyPlace, ...], number: int, language: str, condition: str
 ) -> Participant:
-    """Return a participant at a place of a route who is never saved; with a condition, who has that
-    one in every round.
-    """
+    """Return an unsaved participant at a place of a route, with a condition for every round."""
     place = route[number - 1]
     user, kind = User(kind=User.Kind.PARTICIPANT), ParticipantKind.PILOT
     where = {"visit": place.visit, "round": place.round, "step": place.step, "language": language}

@@ -93,9 +93,7 @@ def numbered(stem: str, taken: Collection[str]) -> str:
 
 
 def complete(part: Document, former: Document, whole: Document) -> Document:
-    """Return the part of a form with unique keys where it has none; conditions and topics of the
-    questionnaire are changed to its new keys.
-    """
+    """Return a form's part with unique keys, to which conditions and topics then refer."""
     if "key" not in former:
         return part
     part["key"] = part.get("key") or former["key"]
