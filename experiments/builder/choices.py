@@ -11,7 +11,7 @@ from django.utils.text import capfirst
 from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
-from experiments import instruction_media, publishing
+from experiments import instruction_media, resources
 from experiments.builder.design import shared_fields
 from experiments.builder.labels import CHOICES
 from experiments.builder.pages import AtHand
@@ -38,9 +38,9 @@ _MEASURING = {"analyses", "plan"}  # sections whose forms name measures
 
 def at_hand() -> AtHand:
     """Return the sites, and the series of robots that published a factsheet or have a station."""
-    sites = publishing.sites()
+    sites = resources.sites()
     stations = (dock.type for plan in sites.values() for dock in plan.docks)
-    return AtHand(sites, tuple(dict.fromkeys((*publishing.robots_here(), *stations))))
+    return AtHand(sites, tuple(dict.fromkeys((*resources.robots_here(), *stations))))
 
 
 def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
@@ -52,7 +52,7 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
     doors = tuple(dict.fromkeys(door.name for plan in plans for door in plan.doors))
     docks = [dock.name for plan in plans for dock in plan.docks if dock.type == part.get("robot")]
     conditions = {one.key: spoken(one.title, language) or one.key for one in study.conditions}
-    measures = publishing.measures_here(study) if section in _MEASURING else {}
+    measures = resources.measures_here(study) if section in _MEASURING else {}
     pictures = [page.get("picture") or "" for page in part.get("leaves", ())]
     built_in = {name: name for name in sorted(PICTURES)}
     return {
@@ -82,7 +82,7 @@ def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
 def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
     about_person = {step.questionnaire for step in study.asking if step.is_about_person}
     named = {AGE: _("Age")}
-    for one in (one for one in publishing.usable() if one.slug in about_person):
+    for one in (one for one in resources.usable() if one.slug in about_person):
         items = (item for item in one.questions() if not item.item.is_free_text)
         named |= {f"{one.slug}.{item.key}": spoken(item.text, language) for item in items}
     return named
@@ -104,7 +104,7 @@ def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
 
 def write_claims(study: StudyDefinition, plan: Document) -> None:
     """Write the missing texts of hypotheses from their choices."""
-    named = ChainMap(*publishing.measures_here(study).values())
+    named = ChainMap(*resources.measures_here(study).values())
     sentences = ChainMap(*claims(study, study.languages[0]).values())
     for one in plan.get("hypotheses", ()):
         claim = sentences.get(claim_of(one), "")
@@ -162,7 +162,7 @@ def _directions(title: str, sides: Sequence[str], rest: str) -> Iterator[tuple[s
 
 def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
     versions, titles = {}, {}
-    for one in publishing.usable():
+    for one in resources.usable():
         title = spoken(one.title, language_for(one, get_language() or ""))
         title = titles[one.slug] = questionnaires.listed_title(one.slug, title)
         words = _("%(title)s, version %(n)d") % {"title": title, "n": one.version}
@@ -174,7 +174,7 @@ def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
 
 
 def questionnaire_titles() -> dict[tuple[str, int], str]:
-    titles = {key: one.title for key, one in publishing.shipped_questionnaires().items()}
+    titles = {key: one.title for key, one in resources.shipped_questionnaires().items()}
     rows = Questionnaire.objects.values_list("slug", "version", "definition")
     titles |= {(slug, version): definition["title"] for slug, version, definition in rows}
     words = {key: spoken(title, get_language() or "") for key, title in titles.items()}
@@ -187,7 +187,7 @@ def speeds_refused(part: Document) -> dict[str, str]:
         condition = msgspec.convert(part, Condition)
     except msgspec.ValidationError:
         return {}
-    robot = publishing.robots_here().get(condition.robot)
+    robot = resources.robots_here().get(condition.robot)
     found = too_fast(condition, robot) if robot is not None else {}
     return {f"speed.{key}": capfirst(one.text(_)) for key, one in found.items()}
 

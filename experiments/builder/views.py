@@ -17,7 +17,7 @@ from django.utils import timezone
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
 
-from experiments import instruction_media, publishing
+from experiments import instruction_media, publishing, resources
 from experiments.access import may
 from experiments.builder import choices, pages
 from experiments.builder.advice import advice
@@ -319,9 +319,9 @@ def _press(
         values[:] = change(values, verb, number(what))
         return name
     if name == "steps":
-        new = pages.new_script_step(part, what, choices.places(publishing.sites().values()))
+        new = pages.new_script_step(part, what, choices.places(resources.sites().values()))
     else:
-        middle = pages.middle_of(publishing.sites().get(part.get("site", "")))
+        middle = pages.middle_of(resources.sites().get(part.get("site", "")))
         at = pages.clicked_point(sent.get("at", ""), middle)
         new = pages.new_part(name, values, what, languages, at)
     values += [new] if new else []
@@ -368,7 +368,7 @@ def _list_of(row: Row, section: str) -> Document:
     for n, part in enumerate(parts_in(whole, section)):
         listed = {"url": address(row, BuilderPlace(section, n)), "n": n}
         words = {"title": title_of(part, whole), "about": [*about(section, part, whole, titles)]}
-        parts.append(listed | words)
+        parts.append({**listed, **words})
 
     def fits(kind: str) -> bool:
         return section != "steps" or pages.landing(whole, _new(section, kind, whole)) is not None
@@ -395,7 +395,7 @@ def course_check(study: StudyDefinition, n: int) -> Document:
     # Missing texts are listed above the form; on its page the course needs no name.
     found = [
         replace(one, names=one.names[1:]) if one.place.section == "courses" else one
-        for one in (*mine, *publishing.obstacles_here(alone))
+        for one in (*mine, *resources.obstacles_here(alone))
         if not one.language
     ]
     numbers = {one.path[1] for one in found if one.path[:1] == ("checkpoints",)}
