@@ -205,12 +205,7 @@ class StudyAdmin(
             self.study_path("publish/", self.publish_view, "publish", "owner"),
             self.study_path("close/", partial(change, is_closing=True), "close", "owner"),
             self.study_path("reopen/", partial(change, is_closing=False), "reopen", "owner"),
-            *self.builder_urls(),
-            *self.people_urls(),
-            *self.plan_urls(),
-            *self.publication_urls(),
-            *self.recruitment_urls(),
-            *self.walk_through_urls(),
+            *self.study_urls(),
             *super().get_urls(),
         ]
 

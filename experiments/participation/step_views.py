@@ -26,8 +26,8 @@ from experiments.participation.drive_status import robot_for, status_at
 from experiments.participation.step_page import render_in_frame, return_button, show_end, to_step
 from experiments.participation.steps import page_of
 from experiments.participation.views import BAD
-from experiments.publishing import sites
 from experiments.recruitment import screening
+from experiments.resources import sites
 from robots.access import may_drive
 from sessions.views import page_config
 

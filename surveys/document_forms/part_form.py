@@ -258,6 +258,10 @@ class SubmittedPart:
     above: list[str] = field(default_factory=list)
     anchor: str = ""
 
+    @property
+    def is_refused(self) -> bool:
+        return bool(self.errors or self.above)
+
 
 def pressed(sent: Any, count: int = 3) -> list[str]:
     """Return the `count` words in a button's value, mostly `verb:list:n`; missing ones are ""."""

@@ -34,10 +34,10 @@ from experiments.export.files import export_files
 from experiments.extraction.selection import Selection
 from experiments.models import Drive, ParticipantKind, Study
 from experiments.participation import links
-from experiments.publishing import obstacles_here
 from experiments.rehearsal import findings
 from experiments.rehearsal.plan import AT_ONCE, problems
 from experiments.rehearsal.report import RehearsalReport, judge
+from experiments.resources import obstacles_here
 from robots.processes import tied_to_parent
 from telepresence_site.children import STOP_SECONDS
 from telepresence_site.rehearsal import sandbox

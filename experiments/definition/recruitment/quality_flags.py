@@ -25,9 +25,7 @@ class Grade(IntEnum):
 
 @dataclass(frozen=True)
 class Flag:
-    """A flag of a participant, by code: what was found (`value`, in words and figures), and in
-    which session, if it is about a single one.
-    """
+    """What was found of a participant (by code), as `value`; `session` if in a single one."""
 
     participant: str
     name: QualityFlag

@@ -11,6 +11,7 @@ from django.utils import timezone
 from experiments.models import Participant, StudyKey, StudyMember
 from experiments.participation import completion
 from experiments.recruitment import api
+from experiments.resources import obstacles_here
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
 from tests.support.studies import participants as p
@@ -112,7 +113,7 @@ def test_a_rule_on_an_item_or_answer_that_does_not_exist_stands_in_the_way(study
         ({"item": "gender", "at_least": 3}, ""),
     ):
         definition = p.of("exploration", screening=[{"questionnaire": "ict", **rule}])
-        found = [one.sentence(str) for one in p.publishing.obstacles_here(definition)]
+        found = [one.sentence(str) for one in obstacles_here(definition)]
         shown = [one for one in found if "ict.gend" in one]
         assert len(shown) == bool(words), shown
         assert all(words in one for one in shown)
