@@ -23,13 +23,11 @@ from surveys.questionnaires import store
 
 
 def _format_reference(page: str) -> SafeString:
-    return format_html(
-        '<a href="{}" target="_blank" rel="noopener">{}</a>',
-        reverse("reference", args=[page]),
-        gettext("Format reference"),
-    )
+    link = '<a href="{}" target="_blank" rel="noopener">{}</a>'
+    return format_html(link, reverse("reference", args=[page]), gettext("Format reference"))
 
 
+BOX = {"rows": 30, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}
 # A link to the page of the site that describes a file format, opened beside the form.
 format_reference = lazy(_format_reference, SafeString)
 
@@ -50,12 +48,7 @@ class DocumentForm(forms.ModelForm):
 
     file = forms.FileField(label=_("JSON file"), required=False)
     document = forms.CharField(
-        label=_("or paste its text"),
-        required=False,
-        strip=False,
-        widget=forms.Textarea(
-            attrs={"rows": 30, "cols": 100, "spellcheck": "false", "class": "vLargeTextField"}
-        ),
+        label=_("or paste its text"), required=False, strip=False, widget=forms.Textarea(BOX)
     )
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
