@@ -45,8 +45,6 @@ SERIES = {
 }
 TOO_OLD = ("stale", "frame_stale")  # reasons of robots/agent/safety/freshness.py
 _MODE = {name: number for number, name in enumerate(MODES)}
-
-
 Known = float | None  # None for what robot or page do not know
 
 
@@ -140,8 +138,6 @@ class StoredSample(StoredPart):
     way: str | None = None
 
 
-# --- computed columns -----------------------------------------------------------------------------
-
 OF_COMMANDS = (
     Column(
         "mode",
@@ -191,32 +187,27 @@ class StateBatch:
         self._states = states
         self._commands = [command for state in states for command in state.applied]
         counts = [len(state.applied) for state in states]
-        self._counts = np.array(counts, dtype=np.float64)
-        self._owner = np.repeat(np.arange(len(states)), counts)
+        self._counts, self._owner = _floats(counts), np.repeat(np.arange(len(states)), counts)
 
     def columns(self) -> dict[str, npt.ArrayLike]:
         """Return OF_COMMANDS by name."""
         ages = read(self._commands, "age")
         methods = [command.method for command in self._commands]
         ways = [command.way for command in self._commands]
+        refusals = [state.refused for state in self._states]
         return {
             "mode": [_MODE.get(state.mode, NAN) for state in self._states],
             "commands": self._counts,
-            "refused": [sum(state.refused.values()) for state in self._states],
+            "refused": [sum(refused.values()) for refused in refusals],
             "age_sum": self.sum(ages),
             "age_max": self.greatest(ages),
             "answer_age": self.mean_of_known(read(self._commands, "frame_age")),
             **{f"by_{method}": self.count(methods, method) for method in METHODS},
             **{f"on_{one}": self.count(ways, one) for one in WAYS},
-            "too_old": [
-                sum(state.refused.get(reason, 0) for reason in TOO_OLD) for state in self._states
-            ],
+            "too_old": [sum(refused.get(reason, 0) for reason in TOO_OLD) for refused in refusals],
             "slowed": self.sum([_is_slowed(command) for command in self._commands]),
-            **{
-                f"{series}_{part}": self.mean_velocity(series, part)
-                for series in SERIES
-                for part in ("linear", "angular")
-            },
+            **{f"{one}_linear": self.mean_velocity(one, "linear") for one in SERIES},
+            **{f"{one}_angular": self.mean_velocity(one, "angular") for one in SERIES},
         }
 
     def sum(self, values: npt.ArrayLike) -> Floats:

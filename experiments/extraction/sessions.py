@@ -30,12 +30,10 @@ WHOLE = Selection()
 
 def drives_of(study: Study, choice: Selection = WHOLE) -> QuerySet[Drive]:
     """Return the drives whose data are in a dataset: all but those of participants who withdrew."""
-    rows = Drive.objects.filter(participant__in=people_of(study, choice)).exclude(
-        participant__status=Participant.Status.WITHDRAWN
-    )
-    return rows.select_related(
-        "session", "session__robot", "participant", "participant__user"
-    ).order_by("participant__code", "number", "granted_at")
+    rows = Drive.objects.filter(participant__in=people_of(study, choice))
+    rows = rows.exclude(participant__status=Participant.Status.WITHDRAWN)
+    related = rows.select_related("session__robot", "participant__user")
+    return related.order_by("participant__code", "number", "granted_at")
 
 
 def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list[SessionRecord]:
@@ -45,12 +43,11 @@ def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list
     )
     with_operator = set(acts.values_list("session_id", flat=True))
     faults = faults_of(drive.session for drive in drives)
-    found = []
-    for drive in drives:
-        record = _session(drive, definition, release, faults[drive.session_id])
-        is_touched = record.operator or drive.session_id in with_operator
-        found.append(replace(record, operator=is_touched))
-    return found
+    found = [_session(one, definition, release, faults[one.session_id]) for one in drives]
+    return [
+        replace(record, operator=record.operator or drive.session_id in with_operator)
+        for drive, record in zip(drives, found, strict=True)
+    ]
 
 
 def _session(
@@ -58,10 +55,8 @@ def _session(
 ) -> SessionRecord:
     visit, condition = drive.session, definition.condition(drive.condition)
     names, about = release.names, visit.device or {}
-    stopped = (
-        visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR
-        and visit.outcome_reason != "robot_disabled"
-    )
+    by_operator = visit.outcome == Visit.Outcome.STOPPED_BY_OPERATOR
+    stopped = by_operator and visit.outcome_reason != "robot_disabled"
     # what an operator wrote is free text, even if it is one word
     is_withheld = stopped and not release.choice.has_text
     return SessionRecord(
@@ -132,10 +127,8 @@ def _docking(drive: Drive) -> dict[str, float]:
     rule = (drive.assigned.get("track") or {}).get("docked")
     if rule is None:
         return {}
-    return {
-        "docked_seconds": float(rule["seconds"]),
-        "dock_contacts": float(drive.result.get("dock_contacts", NAN)),
-    }
+    contacts = float(drive.result.get("dock_contacts", NAN))
+    return {"docked_seconds": float(rule["seconds"]), "dock_contacts": contacts}
 
 
 def granted(drive: Drive) -> float:
