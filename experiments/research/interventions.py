@@ -58,12 +58,7 @@ def release(robot: Robot, user: Any, now: datetime.datetime) -> bool:
 
 def _note(session: str, kind: str, user: Any, now: datetime.datetime, **data: str) -> None:
     data["user"] = str(user.pk)
-    SessionEvent.objects.create(
-        session_id=session,
-        source=SessionEvent.Source.SERVER,
-        type=kind,
-        stamp=now.timestamp(),
-        received_at=now.timestamp(),
-        data=data,
-    )
+    times = dict.fromkeys(("stamp", "received_at"), now.timestamp())
+    server = SessionEvent.Source.SERVER
+    SessionEvent.objects.create(session_id=session, source=server, type=kind, data=data, **times)
     system_log.log(kind, "warning", session=session, at=now, **data)

@@ -39,16 +39,10 @@ def invite(request: HttpRequest, row: Study, email: str, role: str) -> tuple[str
     an earlier invitation of the same address.
     """
     token, now = secrets.token_urlsafe(TOKEN_BYTES), timezone.now()
-    ResearcherInvitation.objects.filter(slug=row.slug, email=email, accepted_at=None).delete()
-    invitation = ResearcherInvitation.objects.create(
-        slug=row.slug,
-        email=email,
-        role=role,
-        token_sha256=hash_of(token),
-        invited_by=request.user,
-        created_at=now,
-        expires_at=now + LASTS,
-    )
+    about, rows = {"slug": row.slug, "email": email}, ResearcherInvitation.objects
+    rows.filter(**about, accepted_at=None).delete()
+    about |= {"role": role, "token_sha256": hash_of(token), "invited_by": request.user}
+    invitation = rows.create(**about, created_at=now, expires_at=now + LASTS)
     address = request.build_absolute_uri(reverse("study_invitation", args=[token]))
     audit.note("member_invited", actor=request.user, study=row.slug, detail=role, thing=invitation)
     return address, _send(row, invitation, address)
