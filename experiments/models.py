@@ -123,10 +123,8 @@ class Study(UuidModel):
         return f"{self.title} · {self.slug} {self.version}"
 
     def save(self, **options: Any) -> None:
-        """Save the study, a draft with every value and its digest; a published digest stays.
-
-        Raises:
-            FrozenStudyError: it was published with something else, or would be a draft again.
+        """Save the study, a draft with every value and its digest; a published digest stays. One
+        that was published with something else, or would be a draft again, is a FrozenStudyError.
         """
         definition = self.as_definition()
         published = Study.objects.filter(pk=self.pk).exclude(status=self.Status.DRAFT).first()

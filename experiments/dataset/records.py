@@ -287,13 +287,8 @@ class AnswerRecord:
 
 
 # The tables of a dataset, by the names of their files.
-TABLES: Mapping[str, type] = {
-    "participants": ParticipantRecord,
-    "sessions": SessionRecord,
-    "events": EventRecord,
-    "pages": PageRecord,
-    "answers": AnswerRecord,
-}
+TABLES: dict[str, type] = {"participants": ParticipantRecord, "sessions": SessionRecord}
+TABLES |= {"events": EventRecord, "pages": PageRecord, "answers": AnswerRecord}
 
 
 @dataclass(frozen=True)

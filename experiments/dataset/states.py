@@ -45,7 +45,9 @@ SERIES = {
 }
 TOO_OLD = ("stale", "frame_stale")  # reasons of robots/agent/safety/freshness.py
 _MODE = {name: number for number, name in enumerate(MODES)}
+_MODES = {str(number): name for number, name in enumerate(MODES)}
 Known = float | None  # None for what robot or page do not know
+HALF_TURN = {"least": -math.pi, "greatest": math.pi}
 
 
 class StoredPart(msgspec.Struct, gc=False, rename="camel"):
@@ -56,10 +58,7 @@ class StoredPose(StoredPart):
     x: Annotated[float, described("position on the map", "m")]
     y: Annotated[float, described("position on the map", "m")]
     theta: Annotated[
-        float,
-        described(
-            "heading on the map, counter-clockwise from x", "rad", least=-math.pi, greatest=math.pi
-        ),
+        float, described("heading on the map, counter-clockwise from x", "rad", **HALF_TURN)
     ]
     localized: Annotated[bool, described("1 when the robot trusts its position")] = True
     score: Annotated[float, amount("localization confidence", greatest=1.0)] = 1.0
@@ -139,12 +138,7 @@ class StoredSample(StoredPart):
 
 
 OF_COMMANDS = (
-    Column(
-        "mode",
-        "",
-        "what moves the robot, by number",
-        levels={str(number): name for name, number in _MODE.items()},
-    ),
+    Column("mode", "", "what moves the robot, by number", levels=_MODES),
     amount_of("commands", "", "commands applied since the previous state"),
     amount_of("refused", "", "commands refused since the previous state"),
     Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),

@@ -38,9 +38,8 @@ def drives_of(study: Study, choice: Selection = WHOLE) -> QuerySet[Drive]:
 
 def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list[SessionRecord]:
     definition = study.as_definition()
-    acts = SessionEvent.objects.filter(
-        source=SessionEvent.Source.SERVER, type__startswith="operator", session__drive__isnull=False
-    )
+    rows = SessionEvent.objects.filter(source=SessionEvent.Source.SERVER)
+    acts = rows.filter(type__startswith="operator", session__drive__isnull=False)
     with_operator = set(acts.values_list("session_id", flat=True))
     faults = faults_of(drive.session for drive in drives)
     found = [_session(one, definition, release, faults[one.session_id]) for one in drives]

@@ -109,9 +109,8 @@ def _accept(
     unused = ResearcherInvitation.objects.filter(pk=found.pk, accepted_at=None)
     if not unused.update(accepted_at=now):
         return _refused(request, "used")
-    member, is_new = StudyMember.objects.get_or_create(
-        slug=found.slug, user=user, defaults={"role": found.role}
-    )
+    of_user, given = {"slug": found.slug, "user": user}, {"role": found.role}
+    member, is_new = StudyMember.objects.get_or_create(**of_user, defaults=given)
     if not is_new and member.role != StudyMember.Role.OWNER:
         StudyMember.objects.filter(pk=member.pk).update(role=found.role)
     if found.role in STAFF_ROLES and not user.is_staff:

@@ -95,12 +95,8 @@ def _send(
     addresses = addresses_of(study)
     if not addresses:
         return
-    values = {
-        "study": study.title,
-        "robot": robot,
-        "reason": in_words(reason),
-        "at": shown_time(at),
-    }
+    about = {"study": study.title, "robot": robot}
+    values = about | {"reason": in_words(reason), "at": shown_time(at)}
     sender, connection = settings.DEFAULT_FROM_EMAIL, get_connection(timeout=MAIL_SECONDS)
     subject, text = subject % values, text % values
     mail = EmailMessage(subject, text, sender, bcc=addresses, connection=connection)
