@@ -2,8 +2,7 @@
 
 import datetime
 import math
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Collection, Sequence
 
 import msgspec
 from django.db.models import QuerySet
@@ -42,15 +41,17 @@ def sessions_of(study: Study, drives: Sequence[Drive], release: Release) -> list
     acts = rows.filter(type__startswith="operator", session__drive__isnull=False)
     with_operator = set(acts.values_list("session_id", flat=True))
     faults = faults_of(drive.session for drive in drives)
-    found = [_session(one, definition, release, faults[one.session_id]) for one in drives]
     return [
-        replace(record, operator=record.operator or drive.session_id in with_operator)
-        for drive, record in zip(drives, found, strict=True)
+        _session(one, definition, release, faults[one.session_id], with_operator) for one in drives
     ]
 
 
 def _session(
-    drive: Drive, definition: StudyDefinition, release: Release, fault: FaultAttribution
+    drive: Drive,
+    definition: StudyDefinition,
+    release: Release,
+    fault: FaultAttribution,
+    with_operator: Collection[object],
 ) -> SessionRecord:
     visit, condition = drive.session, definition.condition(drive.condition)
     names, about = release.names, visit.device or {}
@@ -80,7 +81,7 @@ def _session(
         ended=_after(drive, end_of(visit)),
         **_ends(drive),
         **_docking(drive),
-        operator=stopped,
+        operator=stopped or drive.session_id in with_operator,
         missing=visit.summary.get("missing", 0),
         excluded=drive.excluded_reason,
         fault_side=fault.side,
