@@ -3,7 +3,7 @@
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator
 
-from experiments.analysis.quality.flags import flags_of
+from experiments.analysis.quality import flags_of
 from experiments.definition.recruitment.quality_flags import Flag, Grade
 from experiments.extraction.build import dataset_of
 from experiments.extraction.sessions import drives_of

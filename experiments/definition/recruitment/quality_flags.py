@@ -1,7 +1,7 @@
 """Quality flags: signs that a participant did not take part as intended.
 
 A flag is graded and excludes no participant by itself. A plan can name flags as rules of exclusion;
-experiments/analysis/quality/ finds them.
+experiments/analysis/quality.py finds them.
 """
 
 from dataclasses import dataclass
