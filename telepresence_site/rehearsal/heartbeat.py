@@ -33,8 +33,32 @@ def heartbeats(key: UUID, progress: Path) -> Iterator[None]:
         key: of the row.
         progress: the file in which the sandbox writes its progress.
     """
+
+    def beat(ended: threading.Event) -> None:
+        changes = {}
+        with suppress(OSError, ValueError):
+            changes = {"progress": json.loads(progress.read_text(encoding="utf-8"))}
+        if not runs.sign(key, timezone.now(), **changes):
+            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
+            ended.set()
+
+    with repeated(beat):
+        yield
+
+
+@contextmanager
+def repeated(work: Callable[[threading.Event], object]) -> Iterator[None]:
+    """Inside, call `work` every PERIOD_SECONDS in a thread, also while the database is away; it may
+    set its argument to end this.
+    """
     ended = threading.Event()
-    thread = threading.Thread(target=_beat, args=(key, progress, ended), daemon=True)
+
+    def repeat() -> None:
+        while not ended.wait(PERIOD_SECONDS):
+            attempt(lambda: work(ended))
+        connection.close()
+
+    thread = threading.Thread(target=repeat, daemon=True)
     thread.start()
     try:
         yield
@@ -43,30 +67,16 @@ def heartbeats(key: UUID, progress: Path) -> Iterator[None]:
         thread.join(PERIOD_SECONDS)
 
 
-def _beat(key: UUID, progress: Path, ended: threading.Event) -> None:
-    def beat_once() -> None:
-        changes = {}
-        with suppress(OSError, ValueError):
-            changes = {"progress": json.loads(progress.read_text(encoding="utf-8"))}
-        if not runs.sign(key, timezone.now(), **changes):
-            signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGTERM)
-            ended.set()
-
-    while not ended.wait(PERIOD_SECONDS):
-        _attempt(beat_once)
-    connection.close()
-
-
 def retry_until_written(write: Callable[[], object]) -> None:
     """Write to the database; repeat it while the database is away, for DATABASE_SECONDS at most."""
     deadline = time.monotonic() + DATABASE_SECONDS
-    while (error := _attempt(write)) is not None:
+    while (error := attempt(write)) is not None:
         if time.monotonic() > deadline:
             raise error
         time.sleep(PERIOD_SECONDS)
 
 
-def _attempt(write: Callable[[], object]) -> DatabaseError | InterfaceError | None:
+def attempt(write: Callable[[], object]) -> DatabaseError | InterfaceError | None:
     """Return why the database could not be written to; the next attempt reconnects."""
     try:
         write()

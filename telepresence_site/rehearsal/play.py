@@ -9,10 +9,8 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from itertools import cycle, zip_longest
 from pathlib import Path
@@ -20,7 +18,6 @@ from typing import Any
 
 import msgspec
 from django.conf import settings
-from django.db import connection
 from django.utils import timezone
 
 from experiments.bots.crowd import BotGroup, Plan
@@ -41,10 +38,10 @@ from experiments.resources import obstacles_here
 from robots.processes import tied_to_parent
 from telepresence_site.children import STOP_SECONDS
 from telepresence_site.rehearsal import sandbox
+from telepresence_site.rehearsal.heartbeat import attempt, repeated
 
 ORDERS, PROGRESS, FINDINGS, PACE = "orders.json", "progress.json", "findings.json", "pace"
 SETTLE_SECONDS = 120.0
-PROGRESS_SECONDS = 2.0
 END_SECONDS = 2 * STOP_SECONDS
 
 
@@ -167,8 +164,13 @@ def _perform(
         show(line_of(diary))
         done.append(diary)
 
-    with _noted_progress(study, orders, done):
+    def note_progress(_ended: object = None) -> None:
+        _note_progress(study, orders, len(done))
+
+    note_progress()
+    with repeated(note_progress):
         diaries = asyncio.run(crowd_of(study, orders, site, on_diary, pace).run())
+    attempt(note_progress)
     _settle(study)
     pace.set(1.0)
     if orders.dataset:
@@ -176,28 +178,8 @@ def _perform(
     return diaries, judge(definition, diaries, findings.findings(study))
 
 
-@contextmanager
-def _noted_progress(study: Study, orders: Orders, done: Sequence[Diary]) -> Iterator[None]:
-    """Inside, write to a file beside the orders how far the play is, every PROGRESS_SECONDS."""
-    ended = threading.Event()
-
-    def keep_noting() -> None:
-        while not ended.wait(PROGRESS_SECONDS):
-            _note_progress(study, orders, len(done))
-        connection.close()
-
-    _note_progress(study, orders, 0)
-    thread = threading.Thread(target=keep_noting, daemon=True)
-    thread.start()
-    try:
-        yield
-    finally:
-        ended.set()
-        thread.join()
-        _note_progress(study, orders, len(done))
-
-
 def _note_progress(study: Study, orders: Orders, bots: int) -> None:
+    """Write how far the play is to a file beside the orders."""
     definition = study.as_definition()
     drives = Drive.objects.filter(participant__study=study).exclude(outcome="")
     drives = drives.exclude(step__in=definition.practice_keys)

@@ -56,7 +56,7 @@ def main() -> None:
         with contextlib.redirect_stdout(output):
             try:
                 exec(compile(json.loads(line), "<code of a test>", "exec"), {})
-            except Exception:
+            except Exception:  # of any kind, by a test's own code: its answer
                 error = traceback.format_exc()
         connections.close_all()
         answers.write(json.dumps({"output": output.getvalue(), "error": error}) + "\n")

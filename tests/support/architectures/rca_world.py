@@ -253,7 +253,7 @@ class RcaRig:
             if self.running:
                 try:
                     await self.say(count)
-                except Exception as error:
+                except Exception as error:  # of any kind: the test fails with it
                     if self.running:
                         self.errors.append(error)
             count += 1
