@@ -24,7 +24,8 @@ def import_coding(
         found = run_limited(read_plain, document, known, limit, duration, observation)
     except ImportRefusedError as error:
         raise BadCodingError(error.problems) from error
-    return msgspec.convert(found, ImportedCoding)
+    coding: ImportedCoding = msgspec.convert(found, ImportedCoding)
+    return coding
 
 
 def read_plain(

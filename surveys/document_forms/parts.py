@@ -38,7 +38,9 @@ class AskedField:
         return inner.cls if isinstance(inner, inspect.StructType) else None
 
 
-def members(guide: FormGuide, cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
+def members(
+    guide: FormGuide, cls: type[msgspec.Struct], only: Collection[str] = ()
+) -> list[AskedField]:
     shown = (one for one in fields_of(cls) if not guide.is_hidden(cls, one.name))
     found = [_member(guide, one, cls) for one in shown if not only or one.encode_name in only]
     return sorted(found, key=lambda one: one.key in guide.last)
@@ -113,7 +115,9 @@ def change(values: list[Any], verb: str, n: int) -> list[Any]:
     return changed
 
 
-def in_languages(cls: type[Any], document: Document, languages: Collection[str]) -> Document:
+def in_languages(
+    cls: type[msgspec.Struct], document: Document, languages: Collection[str]
+) -> Document:
     fields = {one.encode_name: one for one in fields_of(cls)}
     known = {key: value for key, value in document.items() if key in fields}
     return document | {k: _in_languages(fields[k], one, languages) for k, one in known.items()}

@@ -69,9 +69,9 @@ def figure_8a(dataset: Dataset) -> drawing.Drawing:
     for line in lines:
         about, summary = behind(line.statements, responses), line.summary
         parts = shares(summary.counts) or (None,) * len(scale)
-        numbers = (number(value, 2, about) for value in (summary.mean, summary.ci95))
+        means = (number(value, 2, about) for value in (summary.mean, summary.ci95))
         n = count(summary.respondents, about)
-        rows.append((label_of(line), n, *numbers, *(number(part, 1, about) for part in parts)))
+        rows.append((label_of(line), n, *means, *(number(part, 1, about) for part in parts)))
     title = (
         "Final questionnaire: means with their 95 % confidence intervals, and below them the share"
         " of the answers at each value of the scale."

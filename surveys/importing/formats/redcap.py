@@ -259,7 +259,7 @@ class Redcap(SurveyFormat):
         self.into.title = self.into.same(_title(self.form) or "REDCap")
         self.into.source = f"REDCap, {self.form}" if self.form else "REDCap"
         for form, rows in groupby(self.rows, key=lambda row: row["form"]):
-            self.into.page(self.into.same(_title(form)) if form and not self.form else {})
+            self.into.page(self.into.same(_title(form)) if form and not self.form else {}, {})
             for matrix, run in groupby(rows, key=_matrix_of):
                 if matrix is not None:
                     self._grid(list(run))
