@@ -6,6 +6,7 @@ from django.utils import timezone
 from experiments.definition.recruitment.recruiting import ENDINGS
 from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
 from experiments.participation import advance, completion, landing, progress
+from experiments.participation.drive_status import DriveStatus
 from experiments.participation.journey import JourneyPlace
 from experiments.participation.questions import ask, context_key
 from tests.support.people import person
@@ -31,9 +32,7 @@ def answer(participant: Participant) -> None:
         participant,
         progress.place(participant),
         step,
-        robot=(),
-        outcome="",
-        return_to="",
+        drive=DriveStatus(),
         now=timezone.now(),
     )
     type(given).objects.filter(pk=given.pk).update(finished_at=timezone.now())

@@ -100,7 +100,7 @@ def test_degrees_of_freedom_and_n_stand_where_the_apa_wants_them():
 
 
 def test_a_row_without_a_test_has_no_sentence():
-    table = Table(
+    table = Table.of(
         "c", "T.", ("Metric", *head_of(("slow", "fast"))),
         (compared("path", GROUPS, Found("–", 0, remark="too few"), float("nan")),),
     )  # fmt: skip
