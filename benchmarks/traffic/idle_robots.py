@@ -16,13 +16,13 @@ from typing import Any
 
 from benchmarks.traffic import worker
 from benchmarks.traffic.mqtt_line import MqttLine, hello
+from benchmarks.traffic.packets import PublishPacket
 from benchmarks.traffic.robots import factsheet_of, is_late_will
 from robots.agent.broker_link.mqtt import KEEPALIVE
 from robots.agent.broker_link.reconnection import Reconnection
 from robots.api import codec, topics
 from robots.api import messages as m
 from robots.api.idle import IDLE_STATE_SECONDS, INTEREST_SECONDS
-from robots.broker.packets import PublishPacket
 
 STATE, BEAT = 1 / 4, 1 / 5
 CONNECT_SECONDS = 10.0  # after which an attempt has failed

@@ -222,15 +222,6 @@ def find(suffix: str) -> Topic | None:
     )
 
 
-def is_kept(topic: str) -> bool:
-    """Tell whether a broker keeps the last message to a full topic, when asked to: where the table
-    says so, and among servers.
-    """
-    parsed = parse(topic)
-    line = find(parsed[1]) if parsed is not None else None
-    return topic.startswith(f"{SERVER}/") or (line is not None and line.retained)
-
-
 def of(robot: str, suffix: str) -> str:
     """Return the full topic of a robot's suffix."""
     return f"{ROOT}/{robot}/{suffix}"

@@ -59,7 +59,7 @@ STATUS_SECONDS = 0.5
 HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
 GATHER_SECONDS = 0.04
 STEP_SECONDS = 1.0  # by which the clock may change between two looks, as NTP slews it
-MOST_FILTERS = 50  # of one packet; the embedded broker takes 64
+MOST_FILTERS = 50  # of one packet, which some brokers limit
 # a cluster makes a replicated queue of each filter, the first time
 SUBSCRIBE_SECONDS = 30.0
 TOGETHER = 200  # messages on their way to the broker at once, of the thousand that a client keeps

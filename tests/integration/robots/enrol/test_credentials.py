@@ -12,12 +12,11 @@ from asgiref.sync import sync_to_async
 
 from robots.agent.config import add_arguments
 from robots.api.topics import ROBOT_NAME
-from robots.broker import mosquitto
+from robots.broker.engines import ENGINES
 from robots.broker.users import read_users
 from robots.enrol import credentials
 from robots.enrol.credentials import (
     Credentials,
-    Verifier,
     hash_token,
     matches,
     new_token,
@@ -48,7 +47,7 @@ def test_no_token_is_taken_for_an_option_of_the_command_that_it_stands_behind(mo
 
 def test_the_hash_is_the_one_that_mosquitto_makes(tmp_path):
     # mosquitto_passwd stands beside mosquitto in the Debian package.
-    assert mosquitto.find() is not None
+    assert ENGINES["mosquitto"].find() is not None
     path = tmp_path / "passwords"
     path.write_text("giraff:a token\n")
     subprocess.run(["mosquitto_passwd", "-U", str(path)], check=True, capture_output=True)
@@ -181,22 +180,3 @@ async def test_the_brokers_users_are_servers_and_enabled_robots_with_credentials
     assert set(users) == {"giraff", "server.web", "server.session-manager"}
     assert matches(server_credentials("web")[1], users["server.web"].credential_hash)
     assert users == await read_users()  # equal, so that nothing is written or reloaded for nothing
-
-
-def test_a_recent_success_is_known_for_exactly_that_token_and_hash():
-    verifier = Verifier(remember_seconds=10.0)
-    verifier.note("token", "hash", now=0.0)
-    assert verifier.knows("token", "hash", now=9.0)
-    assert not verifier.knows("token", "hash", now=11.0)
-    assert not verifier.knows("token", "new hash", now=9.0)
-    assert not verifier.knows("other", "hash", now=9.0)
-
-
-def test_an_address_that_is_wrong_too_often_is_blocked_for_a_while_and_no_other_one():
-    verifier = Verifier(attempts=3, window_seconds=60.0)
-    for _ in range(3):
-        assert not verifier.is_blocked("1.2.3.4", now=0.0)
-        verifier.note_failure("1.2.3.4", now=0.0)
-    assert verifier.is_blocked("1.2.3.4", now=59.0)
-    assert not verifier.is_blocked("5.6.7.8", now=59.0)
-    assert not verifier.is_blocked("1.2.3.4", now=61.0)

@@ -1,8 +1,7 @@
 """What a session manager subscribes to."""
 
 from robots.api import topics
-from robots.broker.packets import MAX_FILTERS
-from sessions.manager.broker_connection import packets_of
+from sessions.manager.broker_connection import MOST_FILTERS, packets_of
 from sessions.manager.ingest import filters
 
 
@@ -27,9 +26,9 @@ def test_over_a_cluster_only_what_is_rare_needs_a_queue_and_their_number_is_that
     assert (topics.of("robot-1", "state"), 0) in filters(robots, often_qos=0)
 
 
-def test_no_packet_has_more_filters_than_the_embedded_broker_takes():
+def test_no_packet_has_more_filters_than_its_limit():
     wanted = filters(f"robot-{number}" for number in range(100))
     packets = list(packets_of(wanted))
-    assert max(map(len, packets)) <= MAX_FILTERS
+    assert max(map(len, packets)) <= MOST_FILTERS
     assert sorted(pair for packet in packets for pair in packet) == sorted(wanted)
     assert list(packets_of(set())) == []
