@@ -37,6 +37,7 @@ from benchmarks.traffic import shares
 from benchmarks.traffic.flooder import HOST, KEY_FLOODS, STRANGER_FLOODS
 from benchmarks.traffic.mqtt_line import MqttLine, hello
 from robots.api import topics
+from robots.cancellation import cancel
 from tests.support.programs.server import certificate
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -136,8 +137,7 @@ class FloodedBroker:
         latest = time.perf_counter() + LATEST_SECONDS
         while len(robot.arrived) + len(server.arrived) < sent and time.perf_counter() < latest:
             await asyncio.sleep(0.01)
-        coming.cancel()
-        await asyncio.gather(coming, return_exceptions=True)
+        await cancel(coming)
         sample.delays = [delay for _, delay in robot.arrived + server.arrived]
         sample.lost = sent - len(sample.delays)
         sample.first_time_users = sample.first_time_users or [LATEST_SECONDS]

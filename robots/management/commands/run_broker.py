@@ -22,9 +22,9 @@ from robots.cancellation import until_one_ends
 
 
 class Command(BaseCommand):
-    """Run NATS, or Mosquitto if asked to."""
+    """Run Mosquitto if it is installed, and otherwise NATS."""
 
-    help = "Run the MQTT broker, NATS or Mosquitto. Port 0 picks a free one."
+    help = "Run the MQTT broker: Mosquitto if it is installed, otherwise NATS."
     # of the settings; to check every page takes a second
     requires_system_checks: list[str] = ["telepresence", "security"]
 
@@ -33,9 +33,7 @@ class Command(BaseCommand):
         parser.add_argument(
             "--port", type=int, default=1883, help="port (1883; 0 picks a free one)"
         )
-        parser.add_argument(
-            "--engine", choices=tuple(ENGINES), default="nats", help="the broker to run (nats)"
-        )
+        parser.add_argument("--engine", choices=tuple(ENGINES), help="use this broker, or fail")
         parser.add_argument("--certificate", type=Path, help="certificate chain (PEM), for TLS")
         parser.add_argument("--key", type=Path, help="key of the certificate (PEM)")
         parser.add_argument(
@@ -57,14 +55,15 @@ class Command(BaseCommand):
             _tls(options["certificate"], options["key"]),
             _address(options["websockets"]),
         )
+        engine = options["engine"] or ("mosquitto" if ENGINES["mosquitto"].find() else "nats")
         broker = BrokerServer(
-            ENGINES[options["engine"]],
+            ENGINES[engine],
             read_users,
             settings.VAR_DIR / "broker",
             poll=options["poll"],
         )
         try:
-            asyncio.run(self._serve(broker, listeners, options["engine"]))
+            asyncio.run(self._serve(broker, listeners, engine))
         except KeyboardInterrupt:
             return
         except (BrokerError, UsersUnavailableError) as error:

@@ -57,10 +57,10 @@ def test_every_part_that_is_killed_is_named_and_comes_back_and_the_visitor_drive
 
 
 def test_a_part_that_loses_what_it_lives_by_is_named_with_its_own_words(people):
-    nats = child_of(people.demo.member("run_broker"), "nats-server")
-    assert nats is not None
-    (death,) = people.kill_members({"broker": nats})
-    assert "nats-server ended with code -9" in death
+    mosquitto = child_of(people.demo.member("run_broker"), "mosquitto")
+    assert mosquitto is not None
+    (death,) = people.kill_members({"broker": mosquitto})
+    assert "mosquitto ended with code -9" in death
     people.ana_drives()
 
 
