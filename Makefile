@@ -16,7 +16,7 @@ BIN := $(VENV)/bin
 PHOTOGRAPHED := $(addprefix tests/integration/browser/,pages/test_accessibility.py visits/test_autonomy.py visits/test_slow_picture.py studies/test_replay.py drive_page/test_presence.py)
 export PORT LAN RESET
 
-.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 test-packages screenshots
+.PHONY: demo check test nightly soak lint format bench docs messages lock setup setup-dev setup-ros2 setup-psychds test-packages screenshots
 .DEFAULT_GOAL := demo
 
 demo: setup
@@ -32,10 +32,14 @@ setup-dev:
 setup-ros2: test-packages
 	@sh deploy/set_up_ros2.sh "$(PYTHON)" var/ros2
 
+# The official validator of Psych-DS, for the nightly tests: it is in no package registry.
+setup-psychds:
+	@sh deploy/set_up_psychds.sh var/psychds
+
 test-packages:
 	@sh deploy/test_packages.sh
 
-# ESLint and Prettier, for the pages' scripts; npm is one of the tests' packages.
+# ESLint, TypeScript's checker and Prettier, for the pages' scripts; npm is one of the tests' packages.
 node_modules/installed: package-lock.json
 	@command -v npm >/dev/null || { echo "npm is missing: install it with 'sudo apt install npm'." >&2; exit 1; }
 	npm ci --ignore-scripts --no-audit --no-fund --loglevel=error
@@ -47,7 +51,7 @@ test: setup-dev setup-ros2 node_modules/installed
 check: setup-dev node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh check
 
-nightly: setup-dev setup-ros2 node_modules/installed
+nightly: setup-dev setup-ros2 setup-psychds node_modules/installed
 	@BIN="$(BIN)" sh deploy/run_tests.sh nightly
 
 soak: setup-dev setup-ros2 node_modules/installed
@@ -69,15 +73,16 @@ screenshots: setup-dev test-packages
 	SCREENSHOTS=var/screenshots/es SCREENSHOTS_LANGUAGE=es $(BIN)/python -m pytest -q tests/integration/browser/pages/test_accessibility.py -k "strangers or visitors or step"
 
 docs: setup-dev
-	$(BIN)/python -m robots.api.reference
+	$(BIN)/python -m docs.robot_api
 
 messages: setup-dev
 	@sh deploy/messages.sh $(BIN)/python
 
 lock:
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 pyproject.toml -o requirements.lock
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra postgres --extra redis pyproject.toml -o requirements-server.lock
-	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --group dev pyproject.toml -o requirements-dev.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker pyproject.toml -o requirements.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 pyproject.toml -o requirements-robot.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker --extra postgres --extra redis pyproject.toml -o requirements-server.lock
+	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --extra analysis --extra broker --group dev pyproject.toml -o requirements-dev.lock
 	uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 --group pyproject.toml:ros2 -o requirements-ros2.lock
 	echo pip | uv pip compile -q --universal --generate-hashes --no-header --no-annotate --python-version 3.11 - -o deploy/pip.lock
 	npm install -q --package-lock-only --omit-lockfile-registry-resolved --ignore-scripts --no-audit --no-fund

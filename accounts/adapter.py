@@ -15,6 +15,7 @@ from accounts.attempts import address_of
 from accounts.models import User
 from accounts.password_guesses import PasswordGuess
 
+INVITED = "invited"  # in the session of a browser that opened an invitation
 LIMITS_MET = frozenset({"too_many_login_attempts", "rate_limited"})
 
 
@@ -22,8 +23,8 @@ class AccountAdapter(DefaultAccountAdapter):
     """Keeps the shown name of the sign-up form, and closes sign-up where the site says so."""
 
     def is_open_for_signup(self, request: HttpRequest) -> bool:
-        """Tell whether visitors may make their own accounts."""
-        return settings.SIGNUP_OPEN
+        """Tell whether visitors may make their own accounts; colleagues who were invited may."""
+        return settings.SIGNUP_OPEN or bool(request.session.get(INVITED))
 
     def get_client_ip(self, request: HttpRequest) -> str:
         """Return whose attempts are counted: behind a proxy of ours its visitor, not the proxy,

@@ -19,7 +19,7 @@ class ShownFilters(admin.ModelAdmin):
     linked: tuple[str, ...] = ()  # lookups of links to it, such as `robot__id__exact`
 
     def save_model(self, request: HttpRequest, obj: Model, form: Any, change: bool) -> None:
-        """Save only what was changed in the form: others may have changed the rest meanwhile."""
+        """Save only the fields changed in the form, so that it overwrites no other change."""
         own = {field.name for field in obj._meta.concrete_fields}
         obj.save(**({"update_fields": own & {*form.changed_data}} if change else {}))
 

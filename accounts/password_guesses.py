@@ -123,5 +123,5 @@ def _account(credentials: dict[str, Any]) -> str:
 
 
 def _tag(account: str) -> str:
-    """Return what stands for an account in a cookie and in the cache: it identifies nobody."""
+    """Return a keyed hash of an account for the cookie and the cache, without personal data."""
     return str(salted_hmac(SALT, account).hexdigest()[:24])

@@ -177,7 +177,7 @@ def room() -> Iterator[Figure]:
 
 def queries(now: datetime.datetime) -> Iterator[Figure]:
     """Tell how long each reader takes, for drives of all the year that nothing has read before."""
-    from experiments.dataset.states import STORED
+    from experiments.extraction.states import STORED
     from experiments.stored_states import _chunks, newest_chunk
     from sessions.models import Session, StateChunk
 

@@ -109,6 +109,8 @@ lint() {
     "$BIN/ruff" format --check .
     step "eslint"
     node_modules/.bin/eslint .
+    step "tsc"
+    node_modules/.bin/tsc -p jsconfig.json --incremental --tsBuildInfoFile node_modules/.cache/tsc.json
     step "prettier"
     node_modules/.bin/prettier --cache --log-level warn --check $formatted
     step "import-linter"

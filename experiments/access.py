@@ -1,23 +1,21 @@
-"""Who sees what of a study: its researchers by their role, superusers everything, all others
-nothing.
-
-Studies of others are not forbidden but absent: whoever has no part in one finds no page.
+"""The roles of users in studies. Superusers own all studies; users without a role in a study get a
+404 for its pages.
 """
 
 import functools
 import uuid
 from collections.abc import Callable
-from typing import Any, Concatenate, Literal, ParamSpec
+from typing import Any, Literal
 
 from django.http import Http404, HttpRequest, HttpResponseBase
+from django.shortcuts import get_object_or_404
 
-from experiments.models import Drive, Participant, Study, StudyMember
+from experiments.models import Drive, Participant, ResearcherInvitation, Study, StudyMember
 from sessions.models import Session
 
 Role = Literal["owner", "researcher", "viewer", "coder", "wizard"]
-Given = ParamSpec("Given")
-View = Callable[Concatenate[HttpRequest, str, Given], HttpResponseBase]
-# Coders and hidden operators have no rank: they see their own pages, and nothing of the study.
+View = Callable[..., HttpResponseBase]
+# Coders and hidden operators have no rank: they only see their own pages.
 RANK: dict[str, int] = {"viewer": 1, "researcher": 2, "owner": 3}
 CODING = frozenset({"coder", "researcher", "owner"})
 OPERATING = frozenset({"wizard", "researcher", "owner"})
@@ -25,56 +23,40 @@ SEES_SESSIONS = "telepresence_sessions.view_session"
 
 
 def role_of(user: Any, slug: str) -> Role | None:
-    """Return what somebody is in a study: superusers own all; None for whoever
-    has no part in it.
-    """
     if not (user.is_authenticated and user.is_active):
         return None
     if user.is_superuser:
         return "owner"
-    role: Role | None = (
-        StudyMember.objects.filter(slug=slug, user=user).values_list("role", flat=True).first()
-    )  # type: ignore[assignment]
+    members = StudyMember.objects.filter(slug=slug, user=user)
+    role: Role | None = members.values_list("role", flat=True).first()  # type: ignore[assignment]
     return role
 
 
 def may(user: Any, slug: str, least: Role) -> bool:
-    """Tell whether somebody is at least that in a study."""
     return RANK.get(role_of(user, slug) or "", 0) >= RANK[least]
 
 
 def may_operate_as_wizard(user: Any, slug: str) -> bool:
-    """Tell whether somebody may drive and speak for the robot unseen: who was given that role, and
-    whoever runs the study.
-    """
     return role_of(user, slug) in OPERATING
 
 
 def may_code(user: Any, slug: str) -> bool:
-    """Tell whether somebody may code replays of a study."""
     return role_of(user, slug) in CODING
 
 
 def forget_members(instance: Study, **_more: Any) -> None:
-    """Take everybody's part in a study away with its last version: the name is free, and belongs to
-    whoever takes it next.
-
-    A receiver of Django's signal after a study was deleted, by whomever.
-    """
+    """Remove the members of a study with its last version: the name is free for another study."""
     if not Study.objects.filter(slug=instance.slug).exists():
         StudyMember.objects.filter(slug=instance.slug).delete()
+        ResearcherInvitation.objects.filter(slug=instance.slug).delete()
 
 
-def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:
-    """Keep a view, whose first argument is a study's name, to those who are at least `least` in it;
-    others find nothing.
-    """
+def for_role(least: Role) -> Callable[[View], View]:
+    """Protect a view, whose first argument is a study's name, by a role."""
 
-    def keep(view: View[Given]) -> View[Given]:
+    def keep(view: View) -> View:
         @functools.wraps(view)
-        def kept(
-            request: HttpRequest, slug: str, *args: Given.args, **kwargs: Given.kwargs
-        ) -> HttpResponseBase:
+        def kept(request: HttpRequest, slug: str, *args: Any, **kwargs: Any) -> HttpResponseBase:
             if not may(request.user, slug, least):
                 raise Http404
             return view(request, slug, *args, **kwargs)
@@ -85,40 +67,33 @@ def for_role(least: Role) -> Callable[[View[Given]], View[Given]]:
 
 
 def drive_to_code(user: Any, session: uuid.UUID) -> Drive:
-    """Return the drive of a study's session that has ended, for its coding.
+    """Return a finished drive of a study for its coding.
 
     Raises:
-        Http404: there is none, its participant has withdrawn, or it is not for this user.
+        Http404: there is none, its participant has withdrawn, or the user may not code it.
     """
-    drive = (
-        Drive.objects.filter(session=session, session__ended_at__isnull=False)
-        .exclude(participant__status=Participant.Status.WITHDRAWN)
+    drives = (
+        Drive.objects.exclude(participant__status=Participant.Status.WITHDRAWN)
         .select_related("participant__study", "session__robot__floor_plan")
         .defer("session__robot__floor_plan__image")
-        .first()
     )
-    if drive is None or not may_code(user, drive.participant.study.slug):
+    drive = get_object_or_404(drives, session=session, session__ended_at__isnull=False)
+    if not may_code(user, drive.participant.study.slug):
         raise Http404
     return drive
 
 
 def session_for(user: Any, session: uuid.UUID) -> tuple[Session, Drive | None, bool]:
-    """Return a session for its replay, its drive in a study, and whether the photos may be seen.
+    """Return a session for its replay, its drive in a study, and whether the user may see photos.
 
-    Staff who may see sessions see each; of a study's, its researchers see all but those of who has
-    withdrawn, and its viewers, who see pseudonymous data alone, no photos.
+    Staff with the permission see every session; researchers of a study those of participants who
+    have not withdrawn; viewers, who see pseudonymous data only, these without photos.
 
     Raises:
-        Http404: there is none, or it is not for this user.
+        Http404: there is none, or the user may not see it.
     """
-    row = (
-        Session.objects.filter(pk=session)
-        .select_related("robot", "visitor", "robot__floor_plan")
-        .defer("robot__floor_plan__image")
-        .first()
-    )
-    if row is None:
-        raise Http404
+    rows = Session.objects.select_related("robot", "visitor", "robot__floor_plan")
+    row = get_object_or_404(rows.defer("robot__floor_plan__image"), pk=session)
     drive = Drive.objects.filter(session=row).select_related("participant__study").first()
     if user.is_active and user.is_staff and user.has_perm(SEES_SESSIONS):
         return row, drive, True

@@ -2,8 +2,8 @@
 
 PyAV's wheel (and with it aiortc) brings a GnuTLS that reads its configuration when it is loaded,
 and was built to look for it in a folder under /tmp, which any user of the computer may make: with a
-provider of code to load in it. So nothing loads av but what is in `robots`, and before it does,
-GnuTLS is told where the system's configuration is, there or not. The wheel's ALSA has the same
+provider of code to load in it. So only modules of `robots` load av, after the lines below have set
+the path of the system's configuration, whether or not it exists. The wheel's ALSA has the same
 fault and is never opened (robots/agent/devices/alsa.py); its VPL looks there for drivers, so no
 encoder of Intel's (`*_qsv`) may be opened.
 

@@ -9,7 +9,7 @@ from django.db.models import Q, QuerySet
 from robots.models import Robot, RobotPermit
 
 Reason = Literal["", "disabled", "not_invited", "not_trained", "not_allowed"]
-# What a robot's access demands: the permit, and the word for somebody who has none.
+# What a robot's access demands: the permit, and the reason for a user without one.
 _DEMANDS: dict[str, tuple[str, Reason]] = {
     Robot.Access.INVITATION: (RobotPermit.Privilege.INVITED, "not_invited"),
     Robot.Access.TRAINED: (RobotPermit.Privilege.TRAINED, "not_trained"),
@@ -85,8 +85,8 @@ def may_operate(user: Any, robot: Robot) -> Verdict:
 
 
 def may_drive(user: Any, robot: Robot) -> Verdict:
-    """Tell whether a user may drive: by the robot's access, as somebody who operates it, or as
-    somebody's guest. An account without a password also needs a rule that lets it.
+    """Tell whether a user may drive: by the robot's access, as its operator, or on a guest list.
+    An account without a password also needs a guest rule that admits it.
     """
     return _verdicts(user, [robot])[robot.pk]
 
@@ -126,8 +126,8 @@ def _is_admitted(user: Any, robot: Robot) -> Verdict:
 
 
 def may_observe(user: Any, robot: Robot) -> Verdict:
-    """Tell whether a user may watch: whoever may always drive, where the robot allows observers,
-    and always who operates it. Accounts without a password watch nothing.
+    """Tell whether a user may watch: its operators always, and where the robot allows observers,
+    users who may drive without being on a guest list. Accounts without a password never may.
     """
     if not _is_known(user) or user.is_guest:
         return _no("not_allowed")
@@ -139,8 +139,8 @@ def may_observe(user: Any, robot: Robot) -> Verdict:
 
 
 def has_a_robot(user: Any) -> bool:
-    """Tell whether there is any robot for a user: one that is shown to them, or that they may drive
-    as somebody's guest.
+    """Tell whether there is any robot for a user: one that is shown to them, or that a guest list
+    lets them drive.
     """
     if not _is_known(user):
         return False
@@ -156,8 +156,8 @@ def robots_visible_to(user: Any) -> "QuerySet[Robot]":
     """Return the robots to show a user: the enabled ones that are open or that the user has a
     permit for, and one's own. A robot that is hidden from visitors is there for its operators.
 
-    Who oversees the robots sees all of them. Somebody who has not signed in sees the open ones, and
-    somebody without a password those that they may drive now.
+    Users who oversee the robots see all of them, visitors who have not logged in the open ones, and
+    accounts without a password those that they may drive now.
     """
     if not _is_known(user):
         return Robot.objects.filter(enabled=True, shown_to_visitors=True, access=Robot.Access.OPEN)

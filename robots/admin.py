@@ -3,33 +3,36 @@
 import datetime
 import json
 from typing import Any
-from urllib.parse import quote
 
 from django.contrib import admin, messages
-from django.core.exceptions import PermissionDenied
 from django.db.models import Count, Field, Model, Q, QuerySet
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.shortcuts import get_object_or_404, render
 from django.urls import NoReverseMatch, URLPattern, path, reverse
 from django.utils import timezone
 from django.utils.html import format_html
 from django.utils.safestring import SafeString
+from django.utils.text import capfirst
 from django.utils.translation import gettext, ngettext, pgettext
 from django.utils.translation import gettext_lazy as _
 from django.views.decorators.cache import never_cache
 
 from accounts import audit
 from accounts.admin_filters import ShownFilters
-from robots.admin_pages.access import OfRobots, OwnersPermits, WithDriver, theirs_to_change
+from robots.admin_pages.access import OwnersPermits, theirs_to_change
 from robots.admin_pages.doors import DoorPage
 from robots.admin_pages.finishing import FinishingPage
-from robots.admin_pages.keys import EnrolmentPage, ScreenPage
-from robots.admin_pages.now_filter import NowFilter
+from robots.admin_pages.keys import KeyPages
 from robots.admin_pages.overview import status_of
-from robots.enrol.credentials import make_credentials, revoke
 from robots.forms import AdapterInput, FloorPlanForm, RobotElsewhereForm, RobotForm, offered
-from robots.models import FloorPlan, Robot, RobotElsewhere, RobotPermit, RobotPresence
-from robots.presence.report import standstill_of, trouble_of
+from robots.models import (
+    FloorPlan,
+    Robot,
+    RobotCredentials,
+    RobotElsewhere,
+    RobotPermit,
+    RobotPresence,
+)
+from robots.presence.report import has_problem, standstill_of, trouble_of
 from robots.readiness_text import in_words
 
 NOTHING = "–"
@@ -43,6 +46,33 @@ def link_to(view: str, text: Any, *args: Any, query: str = "") -> str | SafeStri
         return str(text)
 
 
+class NowFilter(admin.SimpleListFilter):
+    """Robots that are online, are in use, or have a problem now, which no field of their rows
+    says; the administration's first page links to them.
+    """
+
+    title = _("now")
+    parameter_name = "now"
+
+    def lookups(self, _request: HttpRequest, _model_admin: Any) -> list[tuple[str, Any]]:
+        return [("online", _("online")), ("in_use", _("in use")), ("problem", _("with a problem"))]
+
+    def queryset(self, _request: HttpRequest, queryset: Any) -> Any:
+        now, chosen = timezone.now(), self.value()
+        if chosen == "in_use":
+            return queryset.filter(lease__session__isnull=False)
+        if chosen not in {"online", "problem"}:
+            return queryset
+        rows = queryset.select_related(None).select_related("presence")
+        return queryset.filter(
+            pk__in=[
+                robot.pk
+                for robot in rows
+                if (robot.is_online(now) if chosen == "online" else has_problem(robot, now))
+            ]
+        )
+
+
 class PermitInline(admin.TabularInline):
     """Who was invited, trained, or made an operator."""
 
@@ -52,8 +82,21 @@ class PermitInline(admin.TabularInline):
     readonly_fields = ("granted_at",)
 
 
+# Rows of a robot that the administration does not list as objects.
+PARTS = (RobotPresence, RobotCredentials)
+
+
+def _without(listed: list[Any], beginnings: tuple[str, ...]) -> list[Any]:
+    """Leave texts with one of these beginnings out of nested lists."""
+    return [
+        _without(one, beginnings) if isinstance(one, list) else one
+        for one in listed
+        if isinstance(one, list) or not one.startswith(beginnings)
+    ]
+
+
 @admin.register(Robot)
-class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
+class RobotAdmin(DoorPage, KeyPages):
     """Robots: what they are, who may drive them, and how they are right now. Owners find their own,
     and change all but whose they are.
     """
@@ -93,8 +136,8 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         "driver",
         "seen",
         "sessions",
-        "told_factsheet",
-        "told_state",
+        "reported_factsheet",
+        "reported_state",
     )
     fieldsets = (
         (
@@ -132,7 +175,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         ),
         (
             _("Reported by the robot"),
-            {"fields": ("told_factsheet", "told_state"), "classes": ("collapse",)},
+            {"fields": ("reported_factsheet", "reported_state"), "classes": ("collapse",)},
         ),
     )
 
@@ -175,20 +218,31 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
     def has_change_permission(self, request: HttpRequest, obj: Robot | None = None) -> bool:
         return bool(super().has_change_permission(request, obj)) or self.is_of(request, obj)
 
+    def get_deleted_objects(self, objs: Any, request: HttpRequest) -> Any:
+        """Leave out the rows that are a part of each robot (PARTS)."""
+        deleted, counts, missing, protected = super().get_deleted_objects(objs, request)
+        for part in PARTS:
+            counts.pop(part._meta.verbose_name_plural, None)
+        names = tuple(f"{capfirst(str(part._meta.verbose_name))}: " for part in PARTS)
+        return _without(deleted, names), counts, missing, protected
+
     def formfield_for_dbfield(
         self, db_field: "Field[Any, Any]", request: HttpRequest, **options: Any
     ) -> Any:
         if db_field.name == "adapter":
             options["widget"] = AdapterInput(attrs={"class": "vTextField"})
-        if db_field.name == "translations":  # compared with the row, not with a hidden field
+        if db_field.name == "translations":
+            # Its default is callable, for which Django would compare the answer with a hidden copy
+            # of the value; RobotForm compares it with the row.
             options["show_hidden_initial"] = False
         return super().formfield_for_dbfield(db_field, request, **options)
 
     def save_formset(self, request: HttpRequest, form: Any, formset: Any, change: bool) -> None:
         super().save_formset(request, form, formset, change)
-        added, gone = getattr(formset, "new_objects", []), getattr(formset, "deleted_objects", [])
+        added = getattr(formset, "new_objects", [])
+        removed = getattr(formset, "deleted_objects", [])
         changed = [permit for permit, _fields in getattr(formset, "changed_objects", [])]
-        for act, permits in (("permit_granted", [*added, *changed]), ("permit_taken", gone)):
+        for act, permits in (("permit_granted", [*added, *changed]), ("permit_taken", removed)):
             for permit in permits:
                 audit.note(
                     act,
@@ -204,18 +258,6 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         # a page of the list would read a hundred maps
         related = rows.select_related("lease__session__visitor", "floor_plan", "owner")
         return related.filter(practice=False).defer("floor_plan__image")
-
-    def managed(self, request: HttpRequest, pk: Any) -> Robot:
-        """Return a robot for a page that changes it.
-
-        Raises:
-            Http404: there is none, or it is not theirs to see.
-            PermissionDenied: they may look at it and no more.
-        """
-        robot: Robot = get_object_or_404(self.get_queryset(request), pk=pk)
-        if not self.has_change_permission(request, robot):
-            raise PermissionDenied
-        return robot
 
     def get_inlines(self, request: HttpRequest, _obj: Robot | None = None) -> list[Any]:
         """Owners name people; only the site's own staff look them up."""
@@ -253,7 +295,7 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
 
     @admin.display(description=_("docking"))
     def docked(self, robot: Robot) -> str:
-        """Whether it stands in its dock; out of it is no fault, so that there is no red cross."""
+        """Whether it is docked. Being undocked is no fault, so the column shows no red cross."""
         return (
             gettext("docked")
             if robot.presence.report and robot.presence.report.get("docked")
@@ -374,137 +416,77 @@ class RobotAdmin(DoorPage, EnrolmentPage, ScreenPage, WithDriver):
         )
 
     @admin.display(description=_("factsheet"))
-    def told_factsheet(self, robot: Robot) -> str | SafeString:
+    def reported_factsheet(self, robot: Robot) -> str | SafeString:
         return _shown(robot.presence.factsheet)
 
     @admin.display(description=_("last state"))
-    def told_state(self, robot: Robot) -> str | SafeString:
+    def reported_state(self, robot: Robot) -> str | SafeString:
         return _shown(robot.presence.report)
 
-    # --- credentials ------------------------------------------------------------------------------
+    # --- pages and actions ------------------------------------------------------------------------
 
     def get_urls(self) -> list[URLPattern]:
-        page = self.admin_site.admin_view(never_cache(self.credentials_view))
-        doors = self.admin_site.admin_view(never_cache(self.doors_view))
-        status = self.admin_site.admin_view(never_cache(self.status_view))
-        return [
-            path("<uuid:pk>/status.json", status, name="robots_robot_status"),
-            path("<uuid:pk>/credentials/", page, name="robots_robot_credentials"),
-            path("<uuid:pk>/doors/", doors, name="robots_robot_doors"),
-            path(
-                "<uuid:pk>/enrol/",
-                self.admin_site.admin_view(never_cache(self.enrol_view)),
-                name="robots_robot_enrol",
-            ),
-            path(
-                "<uuid:pk>/screen/",
-                self.admin_site.admin_view(never_cache(self.screen_view)),
-                name="robots_robot_screen",
-            ),
-            *super().get_urls(),
-        ]
-
-    def credentials_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        robot = self.managed(request, pk)
-        context: dict[str, Any] = self.admin_site.each_context(request) | {
-            "title": gettext("Credentials of %(robot)s") % {"robot": robot},
-            "robot": robot,
-            "opts": self.opts,
+        pages = {
+            "status": ("status.json", self.status_view),
+            "credentials": ("credentials/", self.credentials_view),
+            "doors": ("doors/", self.doors_view),
+            "enrol": ("enrol/", self.enrol_view),
+            "screen": ("screen/", self.screen_view),
         }
-        if request.method == "POST":
-            made = make_credentials(robot, timezone.now())
-            self.log_change(request, robot, gettext("New credentials created."))
-            audit.note("credentials_made", actor=request.user, robot=robot)
-            server = request.build_absolute_uri("/").rstrip("/")
-            toml = made.toml(server=server, **({"adapter": robot.adapter} if robot.adapter else {}))
-            context |= {
-                "token": made.token,
-                "server": server,
-                "toml": toml,
-                "adapters": ", ".join(offered()),
-                "file": f"{robot.name}.toml",
-            }
-            # In the page itself, so that the token need not be kept for a second request.
-            context["download"] = f"data:application/toml,{quote(toml)}"
-        return render(request, "admin/robots/robot/credentials.html", context)
-
-    # --- actions ----------------------------------------------------------------------------------
-
-    @admin.action(description=_("Create new credentials"), permissions=["change"])
-    def new_credentials(
-        self, request: HttpRequest, robots: "QuerySet[Robot]"
-    ) -> HttpResponse | None:
-        """Go to the page that makes them, for one robot at a time: they are shown only once."""
-        chosen = list(theirs_to_change(request, robots)[:2])
-        if len(chosen) == 1:
-            return HttpResponseRedirect(
-                reverse("admin:robots_robot_credentials", args=[chosen[0].pk])
+        return [
+            path(
+                f"<uuid:pk>/{address}",
+                self.admin_site.admin_view(never_cache(view)),
+                name=f"robots_robot_{name}",
             )
-        self.message_user(
-            request,
-            gettext("Choose a single robot: its credentials are shown only once."),
-            messages.ERROR,
-        )
-        return None
-
-    @admin.action(description=_("Revoke the credentials"), permissions=["change"])
-    def revoke_credentials(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        """Take the tokens away; the broker disconnects the robots within seconds."""
-        chosen = list(theirs_to_change(request, robots))
-        for robot in chosen:
-            revoke(robot)
-            self.log_change(request, robot, gettext("Credentials revoked."))
-            audit.note("credentials_revoked", actor=request.user, robot=robot)
-        text = ngettext(
-            "%(n)d robot can no longer connect.", "%(n)d robots can no longer connect.", len(chosen)
-        )
-        self.message_user(request, text % {"n": len(chosen)}, messages.SUCCESS)
+            for name, (address, view) in pages.items()
+        ] + super().get_urls()
 
     @admin.action(description=_("Open to visitors now, wherever it is"), permissions=["change"])
     def free(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         away = RobotPresence.objects.exclude(turnaround=Robot.Turnaround.READY)
         changed = list(theirs_to_change(request, robots).filter(presence__in=away))
-        RobotPresence.objects.filter(robot__in=changed).update(
-            turnaround=Robot.Turnaround.READY, turnaround_reason=""
-        )
-        for robot in changed:
-            self.log_change(request, robot, gettext("Robot opened to visitors."))
-            audit.note("robot_freed", actor=request.user, robot=robot)
+
+        def set_ready(robot: Robot) -> None:
+            RobotPresence.objects.filter(robot=robot).update(
+                turnaround=Robot.Turnaround.READY, turnaround_reason=""
+            )
+
         text = ngettext(
             "%(n)d robot is open to visitors.", "%(n)d robots are open to visitors.", len(changed)
         )
-        self.message_user(request, text % {"n": len(changed)}, messages.SUCCESS)
+        self.change_each(
+            request, changed, set_ready, gettext("Robot opened to visitors."), "robot_freed", text
+        )
 
     @admin.action(description=_("Disable"), permissions=["change"])
     def disable(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
         """Keep the robots from connecting and from being driven, with their credentials left as
         they are.
         """
-        self._set_enabled(request, robots, enabled=False)
+        self._set_enabled(
+            request, robots, gettext("Robot disabled."), "robot_disabled", enabled=False
+        )
 
     @admin.action(description=_("Enable"), permissions=["change"])
     def enable(self, request: HttpRequest, robots: "QuerySet[Robot]") -> None:
-        self._set_enabled(request, robots, enabled=True)
+        self._set_enabled(request, robots, gettext("Robot enabled."), "robot_enabled", enabled=True)
 
     def _set_enabled(
-        self, request: HttpRequest, robots: "QuerySet[Robot]", *, enabled: bool
+        self, request: HttpRequest, robots: "QuerySet[Robot]", done: str, act: str, *, enabled: bool
     ) -> None:
         changed = list(theirs_to_change(request, robots).exclude(enabled=enabled))
-        for robot in changed:
+
+        def change(robot: Robot) -> None:
             robot.enabled = enabled
             robot.save(update_fields=["enabled"])
-            self.log_change(
-                request, robot, gettext("Robot enabled.") if enabled else gettext("Robot disabled.")
-            )
-            audit.note(
-                "robot_enabled" if enabled else "robot_disabled", actor=request.user, robot=robot
-            )
+
         text = ngettext("%(n)d robot was changed.", "%(n)d robots were changed.", len(changed))
-        self.message_user(request, text % {"n": len(changed)}, messages.SUCCESS)
+        self.change_each(request, changed, change, done, act, text)
 
 
 @admin.register(FloorPlan)
-class FloorPlanAdmin(FinishingPage, OfRobots):
+class FloorPlanAdmin(FinishingPage):
     """Floor plans, taken from files. They are the site's: owners look at those of their robots."""
 
     form = FloorPlanForm

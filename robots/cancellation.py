@@ -39,8 +39,6 @@ async def until_one_ends(*works: Awaitable[Any]) -> None:
 
 
 def _drop(task: "asyncio.Future[Any]") -> None:
-    """Look at what a task raised, for else asyncio would tell of it as of something that nobody
-    looked at.
-    """
+    """Retrieve the exception of a task; otherwise asyncio logs that it was never retrieved."""
     if not task.cancelled():
         task.exception()

@@ -12,20 +12,20 @@ from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
 from robots.models import Robot
-from robots.presence.report import is_stopped_there, standstill_of
+from robots.presence.report import is_stopped_there, runs_on, standstill_of
 
 CardState = Literal["available", "busy", "stopped", "offline"]
 # of a robot that is in its station and not ready yet: sessions/leases/readiness.py
 CHECKS = frozenset({"level", "relocalize", "picture", "network"})
 STATES: tuple[CardState, ...] = get_args(CardState)  # in the order of a list
-PICTURES = frozenset({"giraff", "rhodon"})  # the series that have a picture of their own
+PICTURES = ("giraff", "rhodon")  # the series that have a picture of their own
 
 
 @dataclass(frozen=True)
 class Traffic:
-    """Whether somebody drives a robot, and whether the reader does (`own`); how many people wait,
+    """Whether a robot has a driver, and whether this is the reader (`own`); how many people wait,
     and the reader's place among them, 0 for a newcomer; for how many minutes the reader waits, or
-    would, None when nobody can tell.
+    would, None when it is not known.
     """
 
     driven: bool = False
@@ -39,9 +39,10 @@ class Traffic:
 class RobotCard:
     """A robot as the list shows it, in the language of the request.
 
-    `charge` is in percent, None when nobody knows; `battery` says it in words, empty of a robot
-    that is away. `drives` tells that the button means driving, now or in turn; `for_experienced`
-    that it is not the first robot to drive, `own` that the reader drives it or waits for it.
+    `badge` is the look of the label: the state, or `held` of a free robot that was stopped.
+    `charge` is in percent, None when it is unknown; `battery` is the same as text, empty when the
+    robot is offline. `drives`: the button leads to driving, now or in turn; `for_experienced`: not
+    for a first drive; `own`: the reader drives it or waits for it.
     """
 
     name: str
@@ -50,6 +51,7 @@ class RobotCard:
     place: str
     picture: str
     state: CardState
+    badge: CardState | Literal["held"]
     label: str
     detail: str
     charge: int | None
@@ -67,7 +69,7 @@ def card(
     """Return what to show of `robot`.
 
     Args:
-        robot: with its floor plan at hand.
+        robot: with its floor plan loaded.
         traffic: who drives and waits.
         barred: why this visitor may not drive, a word of robots.access, empty when they may.
         url: where the button leads.
@@ -84,6 +86,7 @@ def card(
         place=robot.floor_plan.shown_title if robot.floor_plan else "",
         picture=picture_of(robot),
         state=state,
+        badge="held" if state == "available" and was_stopped(robot) else state,
         label=away[0] if away else _label(state, own=traffic.own),
         detail=_barred(barred) or _detail(state, robot, traffic, now, away),
         charge=charge,
@@ -105,27 +108,27 @@ def _state(robot: Robot, traffic: Traffic, now: datetime.datetime) -> CardState:
 
 
 def was_stopped(robot: Robot) -> bool:
-    """Tell whether somebody stopped a robot between two visits (sessions/leases/readiness.py)."""
+    """Tell whether a robot was stopped between two visits (sessions/leases/readiness.py)."""
     presence = robot.presence
     is_paused = presence.turnaround == Robot.Turnaround.PAUSED
     return is_paused and presence.turnaround_reason == "stopped"
 
 
 def _instead(robot: Robot, state: CardState, traffic: Traffic) -> tuple[str, str] | None:
-    """Return the label and the sentence of a robot that nobody is kept from by another visitor or
-    by a person there; None when there are none.
+    """Return the label and the sentence of a robot whose own state matters more than its queue:
+    stopped, or not ready; None otherwise.
     """
     if state == "stopped":
         return _stopped(robot)
     if state == "available" and was_stopped(robot):
         return _("Stopped"), _(
-            "Someone stopped it after the last visit. It is released when you start to drive."
+            "Someone stopped it after the last visit. It can move again once you start to drive."
         )
     return _away(robot) if state == "busy" and not traffic.driven else None
 
 
 def _stopped(robot: Robot) -> tuple[str, str]:
-    """Return the label and the sentence of a robot that nobody can drive, whoever comes."""
+    """Return the label and the sentence of a robot that cannot be driven."""
     words = {
         "estop": (
             _("Stopped"),
@@ -141,7 +144,9 @@ def _stopped(robot: Robot) -> tuple[str, str]:
         ),
         "fault": (
             _("Not available"),
-            _("The robot has a fault. You can drive again once it is solved."),
+            _("It is moving although it should stand still. You can drive it once it has stopped.")
+            if runs_on(robot.presence.report)
+            else _("The robot has a fault. You can drive again once it is solved."),
         ),
     }
     return words[standstill_of(robot.presence.report)]
@@ -261,7 +266,8 @@ def _charge(charge: int | None, *, charging: bool) -> str:
 
 
 def _battery(report: Any) -> tuple[int | None, bool]:
-    battery = _part(report, "battery")
+    reported = report.get("battery") if isinstance(report, dict) else None
+    battery = reported if isinstance(reported, dict) else {}
     charge = battery.get("charge")
     percent = (
         round(charge * 100) if isinstance(charge, int | float) and 0.0 <= charge <= 1.0 else None
@@ -270,15 +276,7 @@ def _battery(report: Any) -> tuple[int | None, bool]:
 
 
 def picture_of(robot: Robot) -> str:
-    """Return the static file with the picture of a robot, or of a robot."""
-    return f"img/robots/{_picture(robot.presence.factsheet)}.svg"
-
-
-def _picture(factsheet: Any) -> str:
+    """Return the static file with the picture of a robot's series, or one of any robot."""
+    factsheet = robot.presence.factsheet
     series = factsheet.get("series") if isinstance(factsheet, dict) else None
-    return series if isinstance(series, str) and series in PICTURES else "any"
-
-
-def _part(report: Any, name: str) -> dict[str, Any]:
-    part = report.get(name) if isinstance(report, dict) else None
-    return part if isinstance(part, dict) else {}
+    return f"img/robots/{series if series in PICTURES else 'any'}.svg"

@@ -4,6 +4,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+from django.conf import settings
 from django.urls import reverse
 from django.utils.translation import get_language
 
@@ -30,28 +31,29 @@ def store_floor_plan(directory: Path) -> FloorPlan:
     return row
 
 
-def keep_site(directory: Path, sites: Path) -> Path:
-    """Copy a site's folder to `sites`/<map id>, in place of what was there, and return the copy:
-    what a simulator takes as its plan.
+def import_site(directory: Path) -> tuple[FloorPlan, Path]:
+    """Store the site of a folder in the database, and a copy of the folder where simulators find
+    it, in place of a site with the same map id; return both.
 
-    The map is written anew, as what was checked: the image that the folder's map.yaml names may lie
-    anywhere.
+    The map is written again from the data that was checked: the image that the folder's map.yaml
+    names may be anywhere.
 
     Raises:
         FloorPlanRefusedError: a file is missing or cannot be used.
         OSError: the copy cannot be written.
     """
-    values = read_folder(directory)
+    sites = settings.VAR_DIR / "sites"
+    kept = sites / read_folder(directory)["name"]
     sites.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(dir=sites, prefix=".") as folder:
-        fresh, kept = Path(folder) / "new", sites / values["name"]
+        fresh = Path(folder) / "new"
         fresh.mkdir()
         (fresh / "plan.json").write_bytes((directory / "plan.json").read_bytes())
         write_grid(load_grid(directory / "map.yaml"), fresh)
         if kept.exists():
             kept.rename(Path(folder) / "old")
         fresh.rename(kept)
-    return kept
+    return store_floor_plan(kept), kept
 
 
 def read_upload(

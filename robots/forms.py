@@ -51,7 +51,7 @@ class RobotForm(forms.ModelForm):
             and robot.presence.last_seen_at is None
             and not robot.shown_to_visitors
         ):
-            switch.widget.attrs["disabled"] = True  # the page lifts it with the first sign of life
+            switch.widget.attrs["disabled"] = True  # the page enables it when the robot connects
 
     def clean_translations(self) -> dict[str, Any]:
         """Take an empty field for no translations."""

@@ -39,8 +39,8 @@ def ice_servers(name: str, now: float) -> tuple[IceServer, ...]:
 
 
 class IceCredentials:
-    """The servers for one name, for connections that begin at any time: their credentials are made
-    anew when half of their lifetime is over.
+    """The servers for one name, for connections that begin at any time: the credentials are renewed
+    after half of their lifetime.
     """
 
     def __init__(self, name: str) -> None:
@@ -69,11 +69,9 @@ def relays_by_region(words: Sequence[str]) -> dict[str, list[str]]:
     return regions
 
 
-def turn_credentials(
-    name: str, secret: str, now: float, lifetime: int = LIFETIME_SECONDS
-) -> tuple[str, str]:
-    """Return (user name, password), valid until `now` + `lifetime` seconds."""
-    username = f"{int(now) + lifetime}:{name}"
+def turn_credentials(name: str, secret: str, now: float) -> tuple[str, str]:
+    """Return (user name, password), valid for `LIFETIME_SECONDS` from `now`."""
+    username = f"{int(now) + LIFETIME_SECONDS}:{name}"
     # SHA-1 is the protocol's choice; as an HMAC key check it is still sound.
     digest = hmac.new(secret.encode(), username.encode(), hashlib.sha1).digest()
     return username, base64.b64encode(digest).decode()

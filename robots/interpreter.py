@@ -9,8 +9,8 @@ SWITCH_SECONDS = 0.0005
 
 
 def set_up_for_latency() -> None:
-    """Let threads take turns ten times as often, and keep the garbage collector from what is loaded
-    by now.
+    """Let threads take turns ten times as often, and exclude all objects that exist now from
+    garbage collection.
 
     By default a thread that computes keeps the interpreter for 5 ms from one that has just been
     called. And the collector stops every thread while it looks through all objects (measured: 44 ms

@@ -1,9 +1,8 @@
-"""What a log line is about: the ids of request, session and robot that go with every line written
-meanwhile.
+"""The ids of request, session and robot that are added to each log line of the current task.
 
-A function that returns them is kept, not the ids themselves: a page's session changes while its
-socket stays, and nothing is looked up until a line is written. `telepresence_site/ops/log_lines.py`
-puts them into the lines.
+A function that returns the ids is stored, not the ids themselves: a page's session changes during
+the life of its socket, and the ids are looked up only when a line is written.
+`telepresence_site/ops/log_lines.py` puts them into the lines.
 """
 
 from collections.abc import Callable, Iterator, Mapping

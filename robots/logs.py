@@ -67,7 +67,7 @@ def to_standard_library(
 
 
 def reason_of(error: BaseException) -> str:
-    """Return what an error says, or its class when it says nothing, as a TimeoutError does."""
+    """Return the message of an error, or its class when it has none, as a TimeoutError does."""
     return str(error) or type(error).__name__
 
 

@@ -4,6 +4,7 @@ import base64
 import datetime
 import re
 import uuid
+from collections.abc import Mapping
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -20,7 +21,7 @@ from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
 
 from robots.api import floorplan
-from robots.api.idle import HEARD_SECONDS
+from robots.api.idle import ONLINE_SECONDS
 from robots.api.messages import FloorPlanUpdate
 from robots.api.topics import RESERVED_NAMES, ROBOT_NAME
 
@@ -58,7 +59,7 @@ def check_translations(value: Any) -> None:
 
 
 def check_site(value: str) -> None:
-    """Raise ValidationError for what is not the address of a site alone: scheme, host and port."""
+    """Raise ValidationError unless the value has only scheme, host and port of a site."""
     URLValidator(schemes=["https", "http"])(value)
     parts = urlsplit(value)
     if "@" in value or value != f"{parts.scheme}://{parts.netloc}":
@@ -149,7 +150,7 @@ class Robot(models.Model):
         TRAINED = "trained", _("for trained users")
 
     class DriveAssist(models.TextChoices):
-        """How much the robot helps whoever drives: robots.api.messages.AssistLevel."""
+        """How much the robot assists the driver: robots.api.messages.AssistLevel."""
 
         OFF = "off", _("off")
         SLOW = "slow", _("slows down and stops at obstacles")
@@ -292,8 +293,8 @@ class Robot(models.Model):
         default=0.2,
         validators=[MinValueValidator(0.0), MaxValueValidator(1.0)],
     )
-    # Set by hand and only so taken back: nobody gets the robot meanwhile, and who waits goes on
-    # waiting (sessions/leases/store.py).
+    # Set and removed by hand. Until it is removed, no visitor gets the robot, and the queue waits
+    # (sessions/leases/store.py).
     held = models.CharField(_("queue pause reason"), max_length=200, blank=True, editable=False)
 
     calls = models.CharField(
@@ -348,10 +349,8 @@ class Robot(models.Model):
         """Return the description in the language of the page that is being made."""
         return self._words_in(get_language() or "").get("description") or self.description
 
-    def _words_in(self, language: str) -> dict[str, str]:
-        offered: dict[str, dict[str, str]] = self.translations or {}
-        language = language.lower()
-        return offered.get(language) or offered.get(language.partition("-")[0]) or {}
+    def _words_in(self, language: str) -> Mapping[str, str]:
+        return floorplan.translation(self.translations or {}, language)
 
     def doors_in(self, language: str) -> list[dict[str, Any]]:
         """Return the doors of its site: name, title, and the state that the server has set or the
@@ -374,18 +373,18 @@ class Robot(models.Model):
         return self.returns_home and "dock" in capabilities
 
     def is_online(self, now: datetime.datetime) -> bool:
-        """Tell whether the robot is connected and was heard from: an idle one is silent for half a
-        minute (robots/api/idle.py).
+        """Tell whether the robot is connected and has sent a message recently: an idle one sends
+        none for half a minute (robots/api/idle.py).
         """
         seen_at = self.presence.last_seen_at
-        heard = seen_at is not None and (now - seen_at).total_seconds() < HEARD_SECONDS
-        return self.enabled and self.presence.connection == "ONLINE" and heard
+        is_recent = seen_at is not None and (now - seen_at).total_seconds() < ONLINE_SECONDS
+        return self.enabled and self.presence.connection == "ONLINE" and is_recent
 
 
 class RobotPresence(models.Model):
     """What a robot last reported, and what it does between two visits. The session manager writes
-    it every few seconds: in a row of its own, so that it and whoever edits the robot never
-    overwrite each other's changes.
+    it every few seconds, in a row of its own so that these writes and the owner's edits of the
+    robot never overwrite each other.
     """
 
     robot = models.OneToOneField(

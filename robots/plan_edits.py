@@ -6,7 +6,7 @@ that may still be wrong: `robots.api.floorplan` and the inspection of the site s
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 from django.utils.formats import sanitize_separators
@@ -14,7 +14,7 @@ from django.utils.formats import sanitize_separators
 from robots.api.floorplan import contains
 from robots.world.robot_models import MODELS
 from robots.world.tracing.docks import station_of
-from robots.world.tracing.joining import joined
+from robots.world.tracing.rooms import joined
 
 Document = dict[str, Any]
 IsFree = Callable[[float, float], bool]
@@ -73,7 +73,7 @@ def edited(plan: Document, fields: Mapping[str, str], is_free: IsFree) -> Docume
             if o["kind"] == "opening"
         ],
         "docks": docks,
-        "places": _places(plan, fields),
+        "places": [place for _, place in _moved("places", plan.get("places", ()), fields)],
         "routes": _routes(plan, fields, docks),
     }
     return {key: value for key, value in result.items() if value != []}
@@ -219,56 +219,40 @@ def _swing(start: list[float], end: list[float], is_free: IsFree) -> float:
     return max((quarter, -quarter), key=room)
 
 
+def _moved(
+    kind: str, parts: Iterable[Document], fields: Mapping[str, str]
+) -> Iterator[tuple[str, Document]]:
+    """Yield the prefix of its fields and the part itself, with its new position and title, for each
+    part that is not removed.
+    """
+    for number, part in enumerate(parts):
+        prefix = f"{kind}.{number}"
+        if not fields.get(f"{prefix}.remove"):
+            x, y = _point(fields, prefix, ("x", "y"), [part["x"], part["y"]])
+            title = _title(fields, prefix, part.get("title", ""))
+            yield prefix, {**part, "x": x, "y": y} | ({"title": title} if title else {})
+
+
 def _docks(plan: Document, fields: Mapping[str, str]) -> list[Document]:
     found = []
-    for number, dock in enumerate(plan.get("docks", ())):
-        prefix = f"docks.{number}"
-        if fields.get(f"{prefix}.remove"):
-            continue
+    for prefix, dock in _moved("docks", plan.get("docks", ()), fields):
         series = fields.get(f"{prefix}.type", dock["type"])
         degrees = _number(fields, f"{prefix}.heading", math.degrees(dock["theta"]))
-        x, y = _point(fields, prefix, ("x", "y"), [dock["x"], dock["y"]])
-        # a heading that nobody changed keeps its digits
+        # an unchanged heading keeps its digits, of which the page shows fewer
         same = abs(degrees - round(math.degrees(dock["theta"]), 1)) < 0.05
-        moved = {
-            **dock,
-            "title": _title(fields, prefix, dock["title"]),
-            "x": x,
-            "y": y,
-            "theta": dock["theta"] if same else round(math.radians(degrees), 4),
-        }
+        turned = dock if same else {**dock, "theta": round(math.radians(degrees), 4)}
         if series != dock["type"] and series in MODELS:
-            moved |= {"type": series, "station": _station(series)}
-        found.append(moved)
-    return found
-
-
-def _places(plan: Document, fields: Mapping[str, str]) -> list[Document]:
-    found = []
-    for number, place in enumerate(plan.get("places", ())):
-        prefix = f"places.{number}"
-        if not fields.get(f"{prefix}.remove"):
-            x, y = _point(fields, prefix, ("x", "y"), [place["x"], place["y"]])
-            title = _title(fields, prefix, place["title"])
-            found.append({**place, "title": title, "x": x, "y": y})
+            turned = {**turned, "type": series, "station": _station(series)}
+        found.append(turned)
     return found
 
 
 def _routes(plan: Document, fields: Mapping[str, str], docks: list[Document]) -> list[Document]:
-    """Return a route for each robot that has checkpoints and a dock, numbered anew, the dock
-    first.
-    """
+    """Return a route for each robot that has checkpoints and a dock, numbered from the dock on."""
     moved: dict[str, list[Document]] = {}
-    for number, checkpoint in enumerate(checkpoints_of(plan)):
-        prefix = f"checkpoints.{number}"
-        if fields.get(f"{prefix}.remove"):
-            continue
-        x, y = _point(fields, prefix, ("x", "y"), [checkpoint["x"], checkpoint["y"]])
-        title = _title(fields, prefix, checkpoint.get("title", ""))
+    for prefix, checkpoint in _moved("checkpoints", checkpoints_of(plan), fields):
         series = fields.get(f"{prefix}.type", checkpoint["type"])
-        kept = {**_without(checkpoint, "type"), "x": x, "y": y}
-        kept |= {"title": title} if title else {}
-        moved.setdefault(series, []).append(kept)
+        moved.setdefault(series, []).append(_without(checkpoint, "type"))
     routes = {route["type"]: route for route in plan.get("routes", ())}
     return [
         _route(routes.get(series, {"type": series, "checkpoints": []}), checkpoints, docks)
@@ -330,7 +314,7 @@ def _number(fields: Mapping[str, str], name: str, old: float) -> float:
 def _point(
     fields: Mapping[str, str], prefix: str, keys: tuple[str, str], old: list[float]
 ) -> list[float]:
-    """Return a point; one that nobody moved keeps its digits, though the page shows fewer."""
+    """Return a point; one that was not moved keeps its digits, of which the page shows fewer."""
     new = [_number(fields, f"{prefix}.{key}", was) for key, was in zip(keys, old, strict=True)]
     moved = any(abs(a - b) > 0.006 for a, b in zip(new, old, strict=True))
     return [round(value, 3) for value in new] if moved else list(old)

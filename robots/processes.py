@@ -1,4 +1,4 @@
-"""Processes of ours: how each hears that it is to end, and that no child of one outlives it.
+"""How our processes end: on SIGINT and SIGTERM, and children with their parent.
 
 A process inherits which signals are ignored. A shell starts what it runs in the background with
 SIGINT ignored, and so do many CI systems; Python then installs no handler of its own (`signal`:
@@ -25,7 +25,7 @@ def interrupted_by_signals() -> AbstractContextManager[None]:
     For the main thread alone.
 
     A second Ctrl-C thus cannot interrupt the clean-up that the first one began, and leave processes
-    behind; what is cleaned up needs limits of its own.
+    behind; the clean-up must therefore have time limits.
     """
     return _handled_by(_interrupt)
 
@@ -61,24 +61,23 @@ def ignore_end_signals() -> None:
 
 
 def tied_to_parent() -> Callable[[], None] | None:
-    """Return the `preexec_fn` of a child that is ended (SIGTERM) when whoever starts it dies, and
-    that hears SIGINT and SIGTERM itself.
+    """Return the `preexec_fn` of a child that receives SIGTERM when its parent dies, and that does
+    not ignore SIGINT and SIGTERM. None where there is no `preexec_fn`.
 
-    The first half is Linux's (prctl(2), PR_SET_PDEATHSIG): elsewhere a parent that is killed leaves
-    its children. The parent is the
-    *thread* that starts the child, so start it from one that lives as long as the process. None
-    where there is no `preexec_fn`.
+    Only Linux signals the child (prctl(2), PR_SET_PDEATHSIG): elsewhere a parent that is killed
+    leaves its children. The parent is the *thread* that starts the child, so start it from one that
+    lives as long as the process.
     """
     if os.name != "posix":
         return None
     if sys.platform != "linux":
-        return _hear_end_signals
+        return _accept_end_signals
     # Found before the fork: to load a library between fork and exec may wait for ever for another
     # thread's lock.
     prctl, parent = ctypes.CDLL(None).prctl, os.getpid()
 
     def tie() -> None:
-        _hear_end_signals()
+        _accept_end_signals()
         prctl(PR_SET_PDEATHSIG, signal.SIGTERM)
         if os.getppid() != parent:  # it died before the line above, and will not die again
             os.kill(os.getpid(), signal.SIGKILL)
@@ -86,6 +85,6 @@ def tied_to_parent() -> Callable[[], None] | None:
     return tie
 
 
-def _hear_end_signals() -> None:
+def _accept_end_signals() -> None:
     for number in END_SIGNALS:
         signal.signal(number, signal.SIG_DFL)

@@ -1,5 +1,5 @@
-"""In words, what a robot waits for between two visits (sessions/leases/readiness.py); for admin,
-mail and the researchers' live view.
+"""Texts for what a robot waits for between two visits (sessions/leases/readiness.py); for the
+administration, mail and the researchers' live view.
 """
 
 import re
@@ -102,21 +102,19 @@ REASONS = tuple(
 )
 
 
-def reason_of(said: str) -> tuple[str, str, str]:
-    """Return the name of what a robot said of its navigation, the words for it, and the door or
-    room that they name; empty texts for what is not known.
+def reason_of(reported: str) -> tuple[str, str, str]:
+    """Return the name of a reason that a robot reported for its navigation, its text, and the door
+    or room in it; three empty texts for an unknown reason.
     """
     for pattern, name, words in REASONS:
-        match = pattern.search(said)
+        match = pattern.search(reported)
         if match is not None:
             return name, str(words), match[1] if pattern.groups else ""
     return "", "", ""
 
 
 def in_words(reason: str) -> str:
-    """Return the reason of a turnaround as a clause; what is not known stays as the robot said
-    it.
-    """
+    """Return the reason of a turnaround as a clause; an unknown one is returned unchanged."""
     if reason in WORDS:
         return str(WORDS[reason])
     _name, words, what = reason_of(reason)

@@ -1,8 +1,8 @@
-"""The key of a robot's own display: whoever shows it is the screen of that robot and nothing else.
+"""The key of a robot's own display, which authorizes it as the screen of that robot alone.
 
-The owner makes it, and opens the address with the key once on the display; there it is exchanged
-for a cookie that no script can read. The key stands behind the `#`, which browsers do not send, so
-that it is in no server's log. Kept as a hash, like a robot's credentials.
+The owner creates the key, and opens the address with it once on the display, where it is exchanged
+for a cookie that no script can read. The key follows the `#`, which browsers do not send, so that
+no server logs it. Only its hash is stored, like that of a robot's credentials.
 """
 
 import datetime

@@ -7,13 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from django.conf import settings
 from django.utils.translation import gettext as _
 
 from robots.api import floorplan
 from robots.api.floorplan import FloorPlanError
 from robots.api.geometry import MapTransform, Pose2D
-from robots.floorplans import FloorPlanRefusedError, keep_site, read_folder
+from robots.floorplans import FloorPlanRefusedError, import_site
 from robots.models import FloorPlan
 from robots.world.grid import MapError, OccupancyGrid, decode_grey, load_grid, write_grid
 from robots.world.inspection import inspect_site
@@ -23,7 +22,7 @@ from robots.world.tracing.structure import TracingError
 
 
 def titles() -> Titles:
-    """Return what the parts are called at first, in the language of whoever asks."""
+    """Return the first titles of the parts, in the language of the request."""
     return Titles(
         room=_("Room"),
         corridor=_("Corridor"),
@@ -85,8 +84,7 @@ def propose(grid: OccupancyGrid, name: str, title: str) -> floorplan.FloorPlan:
 
 
 def store_site(plan: floorplan.FloorPlan, grid: OccupancyGrid) -> tuple[FloorPlan, Path]:
-    """Store a plan and its map, in the database and as a folder for simulators, in place of what
-    has the same map id; return both.
+    """Store a plan and its map as a site, as `import_site` does.
 
     Raises:
         FloorPlanRefusedError: they cannot be a site.
@@ -96,10 +94,7 @@ def store_site(plan: floorplan.FloorPlan, grid: OccupancyGrid) -> tuple[FloorPla
         directory = Path(folder)
         (directory / "plan.json").write_bytes(floorplan.encode(plan))
         write_grid(grid, directory)
-        values = read_folder(directory)
-        kept = keep_site(directory, settings.VAR_DIR / "sites")
-    row, _created = FloorPlan.objects.update_or_create(name=values["name"], defaults=values)
-    return row, kept
+        return import_site(directory)
 
 
 def checked(document: dict[str, Any], grid: OccupancyGrid) -> floorplan.FloorPlan:

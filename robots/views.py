@@ -63,8 +63,8 @@ def agent_configuration(request: HttpRequest) -> JsonResponse:
 
 
 def mqtt_urls_for(request: HttpRequest) -> list[str]:
-    """Return where robots reach the broker, the best first; `{host}` in the setting stands for the
-    host that was asked.
+    """Return the addresses of the broker for robots, the best first; `{host}` in the setting is
+    replaced by the host of the request.
     """
     host, _ = split_domain_port(request.get_host())
     return [

@@ -1,12 +1,13 @@
-"""Sessions, leases, the system log and the session manager in the administration: to look at, to
-stop, and to download.
+"""Sessions, leases, the system log and the session manager in the administration: to view, stop and
+download.
 
-Nothing here is edited: who drives is the leases' business, and a record that can be changed is
-none. No list reads states: what it shows of them stands in Session.summary.
+Nothing here can be edited: only sessions/leases/ changes who drives, and records are final. No list
+reads states: it shows Session.summary.
 """
 
 import datetime
 import uuid
+from collections.abc import Callable
 from typing import Any
 
 from django.contrib import admin, messages
@@ -40,6 +41,7 @@ from sessions.models import (
     Session,
     SessionEvent,
     Snapshot,
+    StateChunk,
     SystemLog,
 )
 from sessions.page_channel import check_pages, robot_group
@@ -47,13 +49,13 @@ from sessions.recording.network_summary import summarise_network
 
 EVENTS_SHOWN = 500
 SNAPSHOTS_SHOWN = 60
-VISITS_SHOWN = 10
+SESSIONS_SHOWN = 10
 VIEW = "telepresence_sessions.view_session"
 PAGES = (api_key_admin.ApiKeyAdmin,)  # of modules of their own; Django looks for pages in this one
 
 
 class ReadOnlyAdmin(ShownFilters):
-    """A page to look at."""
+    """A page that cannot be edited."""
 
     show_full_result_count = False
 
@@ -64,23 +66,38 @@ class ReadOnlyAdmin(ShownFilters):
         return False
 
     def has_delete_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        """Nor deletes them."""
         return False
 
 
+def _summary_column(name: str, title: Any, shown: Callable[[Any], str] = str) -> Any:
+    """Return a column with one value of `Session.summary`."""
+
+    @admin.display(description=title)
+    def column(_page: admin.ModelAdmin, session: Session) -> str:
+        value = session.summary.get(name)
+        return NOTHING if value is None else shown(value)
+
+    return column
+
+
+def _shares(counts: dict[str, int]) -> str:
+    total = sum(counts.values())
+    ordered = sorted(counts.items(), key=lambda pair: -pair[1])
+    return ", ".join(f"{name} {count / total:.0%}" for name, count in ordered) or NOTHING
+
+
 class OwnersRows(OfRobots, ReadOnlyAdmin):
-    """What belongs to a robot, for those who may see all of it, and for the robot's owner."""
+    """Rows that belong to a robot, for users who may see all, and for the robot's owner."""
 
     robot = "robot"
 
 
 @admin.register(Session)
 class SessionAdmin(OwnersRows):
-    """Visits: who drove which robot when, how it ended, and what was recorded.
+    """Sessions: who drove which robot when, how it ended, and the record.
 
-    A robot's owner sees that it was driven, how long and how it ended, and may stop it; who it was
-    and what was recorded of them is for those who were given the right to see sessions, and for the
-    researchers of the study.
+    A robot's owner sees its sessions without visitor and record, and may stop them. Visitors and
+    records are for users with the right to see sessions, and for the study's researchers.
     """
 
     list_display = (
@@ -89,7 +106,7 @@ class SessionAdmin(OwnersRows):
         "robot_link",
         "state",
         "outcome",
-        "driven",
+        "minutes",
         "distance",
         "states",
         "methods",
@@ -114,13 +131,13 @@ class SessionAdmin(OwnersRows):
     readonly_fields = (
         "visitor_link",
         "robot_link",
-        "driven",
+        "minutes",
         "distance",
         "states",
         "missing",
         "methods",
         "ways",
-        "device_told",
+        "device_details",
         "network",
         "snapshots",
         "events",
@@ -144,9 +161,19 @@ class SessionAdmin(OwnersRows):
         ),
         (
             _("Record"),
-            {"fields": ("driven", "distance", "states", "missing", "methods", "ways", "closed_at")},
+            {
+                "fields": (
+                    "minutes",
+                    "distance",
+                    "states",
+                    "missing",
+                    "methods",
+                    "ways",
+                    "closed_at",
+                )
+            },
         ),
-        (_("Device and network"), {"fields": ("device_told", "network")}),
+        (_("Device and network"), {"fields": ("device_details", "network")}),
         (_("Photos"), {"fields": ("snapshots",)}),
         (_("Events"), {"fields": ("events",)}),
     )
@@ -154,9 +181,7 @@ class SessionAdmin(OwnersRows):
     # --- who may ----------------------------------------------------------------------------------
 
     def has_stop_permission(self, request: HttpRequest) -> bool:
-        """Whoever may change sessions may stop them, and owners those on their robots: of others
-        they see none.
-        """
+        """Allow it to users who may change sessions, and to owners, who only see their robots'."""
         return bool(request.user.has_perm("telepresence_sessions.change_session")) or (
             not self.sees_all(request) and self.is_of(request, None)
         )
@@ -165,18 +190,14 @@ class SessionAdmin(OwnersRows):
         return self.sees_all(request)
 
     def get_list_display(self, request: HttpRequest) -> tuple[str, ...]:
-        told = ("visitor_link", "device_name")
-        return (
-            self.list_display
-            if self.sees_all(request)
-            else tuple(name for name in self.list_display if name not in told)
-        )
+        personal = () if self.sees_all(request) else ("visitor_link", "device_name")
+        return tuple(name for name in self.list_display if name not in personal)
 
     def get_list_filter(self, request: HttpRequest) -> tuple[str, ...]:
         return self.list_filter if self.sees_all(request) else ("state", "outcome", "queued_at")
 
     def get_search_fields(self, request: HttpRequest) -> tuple[str, ...]:
-        """Nor do they find sessions by a visitor's address."""
+        """Keep owners from finding sessions by a visitor's address."""
         return self.search_fields if self.sees_all(request) else ("robot__name", "robot__title")
 
     def get_fieldsets(self, request: HttpRequest, _obj: Session | None = None) -> Any:
@@ -186,38 +207,24 @@ class SessionAdmin(OwnersRows):
         return [
             (None, {"fields": ("robot_link", "state", "outcome", "outcome_reason")}),
             (_("Times"), times),
-            (_("Record"), {"fields": ("driven", "distance", "states", "missing", "closed_at")}),
+            (_("Record"), {"fields": ("minutes", "distance", "states", "missing", "closed_at")}),
         ]
 
     def has_delete_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """A visit that is over may be deleted, one by one, with all that was recorded: visitors
-        have a right to it.
-        """
+        """Allow it for ended sessions, one by one: visitors have a right to it."""
         ended = isinstance(obj, Session) and obj.state == Session.State.ENDED
         return ended and bool(request.user.has_perm("telepresence_sessions.delete_session"))
 
     def get_deleted_objects(
         self, objs: Any, _request: HttpRequest
     ) -> tuple[list[str], dict[str, int], set[str], list[str]]:
-        """Say how much goes with a session, without listing thousands of rows."""
+        """Return how many rows are deleted with a session, without listing thousands of them."""
         keys = [obj.pk for obj in objs]
-        related = {
-            str(field.related_model._meta.verbose_name_plural): field.related_model
-            for field in Session._meta.related_objects
-        }
-        names = {"chunks", "events", "network_samples", "snapshots"}
-        kept = {
-            str(field.related_model._meta.verbose_name_plural): field
-            for field in Session._meta.related_objects
-            if field.name in names
-        }
-        counts = {name: related[name].objects.filter(session__in=keys).count() for name in kept}
-        return (
-            [str(obj) for obj in objs],
-            {str(Session._meta.verbose_name_plural): len(keys), **counts},
-            set(),
-            [],
-        )
+        counts = {str(Session._meta.verbose_name_plural): len(keys)}
+        for model in (StateChunk, SessionEvent, NetworkSample, Snapshot):
+            name = str(model._meta.verbose_name_plural)
+            counts[name] = model.objects.filter(session__in=keys).count()
+        return [str(obj) for obj in objs], counts, set(), []
 
     def get_search_results(
         self, request: HttpRequest, queryset: QuerySet[Session], search_term: str
@@ -244,42 +251,24 @@ class SessionAdmin(OwnersRows):
         return link_to("admin:robots_robot_change", session.robot, session.robot_id)
 
     @admin.display(description=_("minutes driven"))
-    def driven(self, session: Session) -> str:
-        return _minutes_driven(session)
+    def minutes(self, session: Session) -> str:
+        return _minutes_of(session)
 
-    @admin.display(description=_("distance (m)"))
-    def distance(self, session: Session) -> str:
-        return _number(session, "distance", "{:.1f}")
-
-    @admin.display(description=_("states"))
-    def states(self, session: Session) -> str:
-        return _number(session, "states", "{}")
-
-    @admin.display(description=_("missing states"))
-    def missing(self, session: Session) -> str:
-        return _number(session, "missing", "{}")
-
-    @admin.display(description=_("input"))
-    def methods(self, session: Session) -> str:
-        return _shares(session.summary.get("methods", {}))
-
-    @admin.display(description=_("control channels"))
-    def ways(self, session: Session) -> str:
-        return _shares(session.summary.get("ways", {}))
+    distance = _summary_column("distance", _("distance (m)"), "{:.1f}".format)
+    states = _summary_column("states", _("states"))
+    missing = _summary_column("missing", _("missing states"))
+    methods = _summary_column("methods", _("input"), _shares)
+    ways = _summary_column("ways", _("control channels"), _shares)
 
     @admin.display(description=_("device"))
     def device_name(self, session: Session) -> str:
-        return (
-            " · ".join(
-                session.device[name] for name in ("os", "browser") if session.device.get(name)
-            )
-            or NOTHING
-        )
+        names = (session.device.get(name) for name in ("os", "browser"))
+        return " · ".join(filter(None, names)) or NOTHING
 
     # --- the page of one session ------------------------------------------------------------------
 
     @admin.display(description=_("device"))
-    def device_told(self, session: Session) -> SafeString:
+    def device_details(self, session: Session) -> SafeString:
         return _fragment("device", device=session.device)
 
     @admin.display(description=_("network"))
@@ -309,9 +298,7 @@ class SessionAdmin(OwnersRows):
 
     @admin.action(description=_("Stop these sessions now"), permissions=["stop"])
     def stop_sessions(self, request: HttpRequest, queryset: QuerySet[Session]) -> None:
-        """End sessions as stopped by the operator; the session manager takes the lease from the
-        robot within half a second.
-        """
+        """End sessions; the session manager withdraws their leases within half a second."""
         now, stopped = timezone.now(), 0
         for session in queryset.exclude(state=Session.State.ENDED):
             if store.end(
@@ -347,15 +334,19 @@ class SessionAdmin(OwnersRows):
     def download_csv(
         self, request: HttpRequest, queryset: QuerySet[Session]
     ) -> StreamingHttpResponse:
-        audit.note("sessions_exported", actor=request.user, detail=f"csv of {queryset.count()}")
-        return as_csv(queryset, "states")
+        return self._download(request, queryset, "csv")
 
     @admin.action(description=_("Download states (JSON)"), permissions=["record"])
     def download_json(
         self, request: HttpRequest, queryset: QuerySet[Session]
     ) -> StreamingHttpResponse:
-        audit.note("sessions_exported", actor=request.user, detail=f"json of {queryset.count()}")
-        return as_json(queryset, "states")
+        return self._download(request, queryset, "json")
+
+    def _download(
+        self, request: HttpRequest, queryset: QuerySet[Session], kind: str
+    ) -> StreamingHttpResponse:
+        audit.note("sessions_exported", actor=request.user, detail=f"{kind} of {queryset.count()}")
+        return as_json(queryset, "states") if kind == "json" else as_csv(queryset, "states")
 
     def get_urls(self) -> list[URLPattern]:
         guard = self.admin_site.admin_view
@@ -392,12 +383,8 @@ class SessionAdmin(OwnersRows):
             thing=found,
             detail=kind[:10],
         )
-        rows = Session.objects.filter(pk=found.pk)
-        return (
-            as_json(rows, f"session-{session}")
-            if kind == "json"
-            else as_csv(rows, f"session-{session}")
-        )
+        rows, name = Session.objects.filter(pk=found.pk), f"session-{session}"
+        return as_json(rows, name) if kind == "json" else as_csv(rows, name)
 
     def stop_view(self, request: HttpRequest, session: uuid.UUID) -> HttpResponse:
         if request.method != "POST" or not self.has_stop_permission(request):
@@ -426,7 +413,7 @@ class SessionAdmin(OwnersRows):
 
 @permission_required(VIEW, raise_exception=True)
 def snapshot_view(request: HttpRequest, snapshot: uuid.UUID) -> HttpResponse:
-    """Return the picture itself; only for those who may look at sessions."""
+    """Return the picture itself; only for users who may see sessions."""
     row = get_object_or_404(Snapshot, pk=snapshot)
     audit.note("photo_opened", actor=request.user, thing=row)
     headers = {"Cache-Control": "private, max-age=3600", "X-Content-Type-Options": "nosniff"}
@@ -435,7 +422,7 @@ def snapshot_view(request: HttpRequest, snapshot: uuid.UUID) -> HttpResponse:
 
 @admin.register(Lease)
 class LeaseAdmin(WithDriver, OwnersRows):
-    """Who drives now, for owners that somebody does. The page's secret id is not shown."""
+    """Who drives now, for owners without the name. The page's secret id is not shown."""
 
     list_display = ("robot", "driver", "epoch", "renewal", "changed_at")
     list_select_related = ("robot", "session__visitor")
@@ -456,9 +443,9 @@ class LeaseAdmin(WithDriver, OwnersRows):
 
 @admin.register(SystemLog)
 class SystemLogAdmin(OwnersRows):
-    """What the system did; for owners, with their robots."""
+    """The system log; for owners, that of their robots."""
 
-    list_display = ("at", "level", "event", "robot", "session_link", "told")
+    list_display = ("at", "level", "event", "robot", "session_link", "values")
     list_filter = ("level", "robot", "at")
     list_select_related = ("robot", "session__visitor")
     list_per_page = 100
@@ -481,7 +468,7 @@ class SystemLogAdmin(OwnersRows):
         )
 
     @admin.display(description=_("fields"))
-    def told(self, entry: SystemLog) -> str:
+    def values(self, entry: SystemLog) -> str:
         return " ".join(f"{name}={value}" for name, value in entry.fields.items())[:200] or NOTHING
 
 
@@ -489,7 +476,7 @@ class SystemLogAdmin(OwnersRows):
 class ManagerBeatAdmin(ReadOnlyAdmin):
     """Whether a session manager runs, and where."""
 
-    list_display = fields = readonly_fields = ("slot", "running", "at", "heard")
+    list_display = fields = readonly_fields = ("slot", "running", "at", "last_beat")
 
     @admin.display(description=_("name"), ordering="name")
     def slot(self, beat: ManagerBeat) -> str:
@@ -500,7 +487,7 @@ class ManagerBeatAdmin(ReadOnlyAdmin):
         return beat.holder or NOTHING
 
     @admin.display(description=_("last sign of life"), ordering="beat_at")
-    def heard(self, beat: ManagerBeat) -> datetime.datetime:
+    def last_beat(self, beat: ManagerBeat) -> datetime.datetime:
         return beat.beat_at
 
     @admin.display(description=_("running"), boolean=True)
@@ -508,21 +495,19 @@ class ManagerBeatAdmin(ReadOnlyAdmin):
         return bool(beat.holder) and (timezone.now() - beat.beat_at).total_seconds() < STALE_SECONDS
 
 
-def last_visits(request: HttpRequest, robot: Robot) -> SafeString:
-    """Return the newest visits to a robot as a table, for its own page. Names and replays are for
-    those who may see sessions; owners read that somebody came, as everywhere.
-    """
+def last_sessions(request: HttpRequest, robot: Robot) -> SafeString:
+    """Return a table of a robot's newest sessions; for owners without names and replays."""
     sees_all = request.user.has_perm(VIEW)
     rows = (
         Session.objects.filter(robot=robot, granted_at__isnull=False)
         .select_related("visitor")
-        .order_by("-granted_at")[:VISITS_SHOWN]
+        .order_by("-granted_at")[:SESSIONS_SHOWN]
     )
     visits = [
         {
             "session": row,
             "who": row.visitor.shown_name if sees_all else gettext("someone"),
-            "minutes": _minutes_driven(row),
+            "minutes": _minutes_of(row),
             "ended": row.get_outcome_display() or row.get_state_display(),
         }
         for row in rows
@@ -530,25 +515,14 @@ def last_visits(request: HttpRequest, robot: Robot) -> SafeString:
     return _fragment("visits", visits=visits, sees_all=sees_all, robot=robot)
 
 
-register_section("visits", last_visits)
+register_section("visits", last_sessions)
 
 
-def _minutes_driven(session: Session) -> str:
+def _minutes_of(session: Session) -> str:
     if session.driving_at is None:
         return NOTHING
-    driven = (session.ended_at or timezone.now()) - session.driving_at
-    return f"{driven.total_seconds() / 60.0:.1f}"
-
-
-def _number(session: Session, name: str, form: str) -> str:
-    value = session.summary.get(name)
-    return NOTHING if value is None else form.format(value)
-
-
-def _shares(counts: dict[str, int]) -> str:
-    total = sum(counts.values())
-    ordered = sorted(counts.items(), key=lambda pair: -pair[1])
-    return ", ".join(f"{name} {count / total:.0%}" for name, count in ordered) or NOTHING
+    duration = (session.ended_at or timezone.now()) - session.driving_at
+    return f"{duration.total_seconds() / 60.0:.1f}"
 
 
 def _moment(stamp: float) -> datetime.datetime:

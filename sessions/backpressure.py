@@ -1,10 +1,9 @@
-"""Whether a page's socket still takes what it is sent: the one thing about a WebSocket that ASGI
-does not tell.
+"""Whether a page's socket still takes frames, which ASGI does not report.
 
-daphne hands every frame to Twisted, which keeps what the network does not take, without a bound and
-without a word. Twisted does know: a transport whose buffer is over 64 KiB has told its producer to
-pause. `Backpressure` wraps the ASGI application and puts a function into the scope that looks at
-this flag; behind another server than daphne it always says no, because there `send` waits.
+daphne gives every frame to Twisted, which buffers what the network does not take, without a limit
+and silently. But a Twisted transport with more than 64 KiB in its buffer has asked its producer to
+pause. `Backpressure` wraps the ASGI application and adds a function to the scope that reads this
+flag; behind other servers than daphne it always returns False, because there `send` waits.
 """
 
 import functools
@@ -22,7 +21,7 @@ class Backpressure:
         self._application = application
 
     async def __call__(self, scope: dict[str, Any], receive: Any, send: Any) -> None:
-        """Add the function to the scope and go on."""
+        """Add the function to the scope."""
         protocol = send.args[0] if isinstance(send, functools.partial) and send.args else None
         await self._application(
             {**scope, IS_FULL: functools.partial(_is_full, protocol)}, receive, send
@@ -30,7 +29,7 @@ class Backpressure:
 
 
 def _is_full(protocol: Any) -> bool:
-    """Tell whether the protocol's transport, or the one beneath its TLS, has been told to pause."""
+    """Tell whether the protocol's transport, or the one beneath its TLS, has asked for a pause."""
     transport = getattr(protocol, "transport", None)
     while transport is not None:
         if getattr(transport, "producerPaused", False):
@@ -40,5 +39,5 @@ def _is_full(protocol: Any) -> bool:
 
 
 def never_full() -> bool:
-    """Stand in where no server says anything."""
+    """Return False: for scopes without the function."""
     return False

@@ -1,5 +1,5 @@
-"""What a visitor's device is: operating system and browser in the words of the paper's Table 3, and
-a truncated address.
+"""A visitor's device: operating system and browser by the names of the paper's Table 3, and a
+truncated address.
 
 The user agent is a guess that browsers make hard on purpose; where the browser sends client hints
 (Chrome, Chromium, Opera, Edge over HTTPS) they are believed first, because only they tell Chromium
@@ -21,16 +21,11 @@ _SYSTEMS = (
     ("Mac OS X|Macintosh", "Mac OS"),
     ("Linux|X11", "Linux"),
 )
-_PLATFORMS = {
-    "Windows": "Windows",
-    "macOS": "Mac OS",
-    "Linux": "Linux",
-    "Android": "Android",
-    "iOS": "iOS",
-}
 # Table 3's names, of systems and of browsers.
 SYSTEMS = frozenset(name for _, name in _SYSTEMS)
-# In this order: everybody claims to be everybody who came before.
+# by the client hint Sec-CH-UA-Platform
+_PLATFORMS = {name: name for name in SYSTEMS} | {"macOS": "Mac OS"}
+# In this order: browsers also claim to be those further down.
 _AGENTS = (
     (r"(?:OPR|Opera|OPT|OPiOS)/([\d.]+)", "Opera"),
     (r"(?:Edg|EdgA|EdgiOS|Edge)/([\d.]+)", "Edge"),
@@ -54,11 +49,11 @@ MAX_AGENT = 400
 def device_of(
     headers: Mapping[str, str], address: str, trusted_proxies: Iterable[str] = ()
 ) -> dict[str, Any]:
-    """Return what is kept of a device.
+    """Return the stored description of a device.
 
     Args:
         headers: of the request, with lower-case names.
-        address: of whoever opened the connection to us.
+        address: of the peer of our connection.
         trusted_proxies: addresses or networks whose X-Forwarded-For is believed.
 
     Returns:
@@ -105,7 +100,7 @@ def _browser(agent: str, brands: str) -> tuple[str, str]:
 
 
 def network_of(address: str) -> str:
-    """Return an address cut to /24 or /48, or the empty string for what is none."""
+    """Return an address cut to /24 or /48; empty if it is malformed."""
     found = parsed(address)
     if found is None:
         return ""

@@ -5,9 +5,7 @@ _POSTGRES_FULL = "53100"  # SQLSTATE disk_full
 
 
 def is_disk_full(error: Exception) -> bool:
-    """Tell whether a database refused because there is no room: SQLite's own sentence, or
-    PostgreSQL's code.
-    """
+    """Tell whether there is no room: SQLite's own sentence, or PostgreSQL's code."""
     return (
         _SQLITE_FULL in str(error) or getattr(error.__cause__, "sqlstate", None) == _POSTGRES_FULL
     )

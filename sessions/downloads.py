@@ -1,6 +1,4 @@
-"""States of sessions as files, written while they are sent: however many there are, a chunk at a
-time is in memory.
-"""
+"""Downloads of sessions' states, written while they are sent: one chunk is in memory at a time."""
 
 import json
 from collections import Counter
@@ -13,38 +11,34 @@ from django.http import StreamingHttpResponse
 from robots.files.csv_text import csv_text
 from sessions.models import Session, SessionEvent, StateChunk
 
+# The cells that are fields of robots.api.messages.State: where its JSON has the value, and the
+# default, which agents leave out.
+FIELDS: dict[str, tuple[tuple[str, ...], Any]] = {
+    "x": (("pose", "x"), None),
+    "y": (("pose", "y"), None),
+    "theta": (("pose", "theta"), None),
+    "localized": (("pose", "localized"), True),
+    "score": (("pose", "score"), 1.0),
+    "linear": (("velocity", "linear"), None),
+    "angular": (("velocity", "angular"), None),
+    "charge": (("battery", "charge"), None),
+    "charging": (("battery", "charging"), False),
+    "docked": (("docked",), False),
+    "tilt": (("tilt",), None),
+    "mode": (("mode",), "manual"),
+    "assist": (("assist",), "off"),
+    "estop": (("safety", "estop"), False),
+    "collision": (("safety", "collision"), False),
+    "inhibited": (("safety", "inhibited"), None),
+    "clearance": (("clearance",), None),
+    "contacts": (("contacts",), 0),
+    "distance": (("distance",), 0.0),
+    "visitor_silence": (("visitorSilence",), None),
+}
 COLUMNS = (
-    "session",
-    "robot",
-    "visitor",
-    "boot",
-    "seq",
-    "stamp",
-    "clock_offset",
-    "x",
-    "y",
-    "theta",
-    "localized",
-    "score",
-    "linear",
-    "angular",
-    "charge",
-    "charging",
-    "docked",
-    "tilt",
-    "mode",
-    "assist",
-    "estop",
-    "collision",
-    "inhibited",
-    "clearance",
-    "contacts",
-    "distance",
-    "visitor_silence",
-    "commands",
-    "method",
-    "way",
-    "command_age",
+    *("session", "robot", "visitor", "boot", "seq", "stamp", "clock_offset"),
+    *FIELDS,
+    *("commands", "method", "way", "command_age"),
 )
 
 
@@ -54,9 +48,7 @@ def as_csv(sessions: QuerySet[Session], name: str) -> StreamingHttpResponse:
 
 
 def as_json(sessions: QuerySet[Session], name: str) -> StreamingHttpResponse:
-    """Return a download with one JSON document: a list of sessions, each with its events and with
-    its states as the robot sent them.
-    """
+    """Return a download with one JSON document: sessions, each with its states and events."""
     return _download(_json_parts(sessions), f"{name}.json", "application/json")
 
 
@@ -68,54 +60,39 @@ def _download(parts: AsyncIterator[str], file: str, kind: str) -> StreamingHttpR
     return StreamingHttpResponse(parts, content_type=kind, headers=headers)
 
 
-async def _chunks(session: Session) -> AsyncIterator[StateChunk]:
-    async for chunk in (
-        StateChunk.objects.filter(session=session).order_by("first_stamp").aiterator(chunk_size=100)
-    ):
-        yield chunk
+def _each(sessions: QuerySet[Session]) -> AsyncIterator[Session]:
+    return sessions.select_related("robot").order_by("queued_at").aiterator(chunk_size=100)
 
 
-async def _events(session: Session) -> AsyncIterator[dict[str, Any]]:
+def _chunks(session: Session) -> AsyncIterator[StateChunk]:
+    rows = StateChunk.objects.filter(session=session).order_by("first_stamp")
+    return rows.aiterator(chunk_size=100)
+
+
+def _events(session: Session) -> AsyncIterator[dict[str, Any]]:
+    rows = SessionEvent.objects.filter(session=session).order_by("received_at")
     columns = ("source", "type", "stamp", "received_at", "data")
-    async for event in (
-        SessionEvent.objects.filter(session=session)
-        .order_by("received_at")
-        .values(*columns)
-        .aiterator(chunk_size=500)
-    ):
-        yield event
+    return rows.values(*columns).aiterator(chunk_size=500)
 
 
 async def _csv_lines(sessions: QuerySet[Session]) -> AsyncIterator[str]:
     yield csv_text([COLUMNS])
-    async for session in (
-        sessions.select_related("robot").order_by("queued_at").aiterator(chunk_size=100)
-    ):
+    async for session in _each(sessions):
         async for chunk in _chunks(session):
             yield csv_text(_row(session, chunk, state) for state in chunk.states)
 
 
 async def _json_parts(sessions: QuerySet[Session]) -> AsyncIterator[str]:
     comma = "["
-    async for session in (
-        sessions.select_related("robot").order_by("queued_at").aiterator(chunk_size=100)
-    ):
+    async for session in _each(sessions):
         yield f'{comma}{json.dumps(_about(session))[:-1]}, "chunks": '
         inner = "["
         async for chunk in _chunks(session):
-            about = {
-                "boot": chunk.boot,
-                "received_at": chunk.received_at,
-                "clock_offset": chunk.clock_offset,
-                "states": chunk.states,
-            }
-            yield inner + json.dumps(about)
+            names = ("boot", "received_at", "clock_offset", "states")
+            yield inner + json.dumps({name: getattr(chunk, name) for name in names})
             inner = ",\n"
-        yield (
-            ("[]" if inner == "[" else "]")
-            + f', "events": {json.dumps([event async for event in _events(session)])}'
-            + "}"
-        )
+        events = json.dumps([event async for event in _events(session)])
+        yield ("[]" if inner == "[" else "]") + f', "events": {events}' + "}"
         comma = ",\n"
     yield "[]\n" if comma == "[" else "]\n"
 
@@ -142,46 +119,22 @@ def _iso(at: Any) -> str | None:
 
 
 def _row(session: Session, chunk: StateChunk, state: dict[str, Any]) -> list[Any]:
-    pose, velocity, battery, safety = (
-        state["pose"],
-        state["velocity"],
-        state["battery"],
-        state.get("safety", {}),
-    )
+    about = [session.pk, session.robot.name, session.visitor_id, chunk.boot]
     applied = state.get("applied", [])
     return [
-        session.pk,
-        session.robot.name,
-        session.visitor_id,
-        chunk.boot,
-        state["seq"],
-        state["stamp"],
-        chunk.clock_offset,
-        pose["x"],
-        pose["y"],
-        pose["theta"],
-        pose.get("localized", True),
-        pose.get("score", 1.0),
-        velocity["linear"],
-        velocity["angular"],
-        battery.get("charge"),
-        battery.get("charging", False),
-        state.get("docked", False),
-        state.get("tilt"),
-        state.get("mode", "manual"),
-        state.get("assist", "off"),
-        safety.get("estop", False),
-        safety.get("collision", False),
-        safety.get("inhibited"),
-        state.get("clearance"),
-        state.get("contacts", 0),
-        state.get("distance", 0.0),
-        state.get("visitorSilence"),
-        len(applied),
-        _most(applied, "method"),
-        _most(applied, "way"),
+        *about,
+        *(state["seq"], state["stamp"], chunk.clock_offset),
+        *(_value(state, path, default) for path, default in FIELDS.values()),
+        *(len(applied), _most(applied, "method"), _most(applied, "way")),
         max((command["age"] for command in applied), default=None),
     ]
+
+
+def _value(state: dict[str, Any], path: tuple[str, ...], default: Any) -> Any:
+    *groups, name = path
+    for group in groups:
+        state = state.get(group, {})
+    return state.get(name, default)
 
 
 def _most(applied: list[dict[str, Any]], name: str) -> str:

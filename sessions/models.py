@@ -1,7 +1,6 @@
-"""What is kept of a visit: who drove which robot when, how it ended, and everything recorded in
-between.
-"""
+"""Sessions and their records: who drove which robot when, how it ended, and what happened."""
 
+import datetime
 import json
 import uuid
 from typing import Any
@@ -15,10 +14,10 @@ from robots.models import Robot
 
 
 class Session(models.Model):
-    """One visit of one visitor to one robot, from joining the queue to its outcome."""
+    """One visitor at one robot, from joining the queue to the outcome."""
 
     class State(models.TextChoices):
-        """Where the visit stands."""
+        """The state of the session."""
 
         WAITING = "waiting", _("waiting")
         CONNECTING = "connecting", _("connecting")
@@ -27,7 +26,7 @@ class Session(models.Model):
         ENDED = "ended", _("ended")
 
     class Outcome(models.TextChoices):
-        """How a visit ended; the first four are the paper's."""
+        """How the session ended; the first four are the paper's."""
 
         COMPLETED = "completed", _("completed")
         TIMED_OUT = "timed_out", _("timed out")
@@ -54,8 +53,8 @@ class Session(models.Model):
         _("outcome"), max_length=20, choices=Outcome, blank=True, db_index=True
     )
     outcome_reason = models.CharField(_("reason"), max_length=300, blank=True)
-    # "<robot>:<visitor>" while the visit lives and its own id afterwards: unique on every database
-    # without partial indexes.
+    # "<robot>:<visitor>" while the session lives and its own id afterwards: unique on every
+    # database without partial indexes.
     live_key = models.CharField(max_length=80, unique=True, editable=False)
     queued_at = models.DateTimeField(_("queued"))
     offered_at = models.DateTimeField(_("turn offered"), null=True, blank=True)
@@ -65,18 +64,17 @@ class Session(models.Model):
     lost_at = models.DateTimeField(_("connection lost"), null=True, blank=True)
     turn_ends_at = models.DateTimeField(_("turn ends"), null=True, blank=True)
     ended_at = models.DateTimeField(_("ended"), null=True, blank=True)
-    # Refreshed while a page's WebSocket is open, None once it closed: tells a reload from a second
-    # tab.
+    # Refreshed while a page's WebSocket is open, None once it is closed: distinguishes a reload
+    # from a second tab.
     seen_at = models.DateTimeField(_("page last seen"), null=True, blank=True)
-    # When the record was found complete, or what is missing given up: `summary` is final from then
-    # on (sessions/recording/summary.py).
+    # When the record was complete, or its missing states were given up: `summary` is then final
+    # (sessions/recording/summary.py).
     closed_at = models.DateTimeField(_("record closed"), null=True, blank=True, db_index=True)
     device = models.JSONField(_("device"), default=dict, blank=True)
-    # What the visitor chose while driving; empty: as the robot has it. What was in force stands in
-    # every state.
+    # The visitor's choice while driving; empty: the robot's level. States have the level in force.
     assist = models.CharField(_("assistance"), max_length=5, blank=True, choices=Robot.DriveAssist)
-    # What an app above this one has fixed for the visit when the robot was first granted
-    # (sessions/leases/terms.py); empty: nothing.
+    # Fixed by an app above this one when the robot was first granted (sessions/leases/terms.py);
+    # empty: none.
     terms = models.JSONField(_("terms"), default=dict, blank=True, editable=False)
     summary = models.JSONField(_("summary"), default=dict, blank=True, editable=False)
 
@@ -90,12 +88,12 @@ class Session(models.Model):
         return f"{self.robot} · {self.queued_at:%Y-%m-%d %H:%M}"
 
 
-# Of those who have the robot, connected or not.
+# States of a session that has the robot, connected or not.
 AT_THE_WHEEL = (Session.State.CONNECTING, Session.State.DRIVING, Session.State.RECONNECTING)
 
 
 class Lease(models.Model):
-    """Who drives a robot: one row a robot, changed only by comparing and setting its epoch."""
+    """The driver of a robot: one row per robot, changed only by comparing and setting its epoch."""
 
     robot = models.OneToOneField(
         Robot, models.CASCADE, primary_key=True, related_name="lease", verbose_name=_("robot")
@@ -110,8 +108,8 @@ class Lease(models.Model):
         verbose_name=_("session"),
     )
     peer = models.CharField(max_length=64, blank=True)
-    # The page of the hidden operator who drives in a session of such terms; empty while none does.
-    # Its epoch grows with every change of the page and is never set back.
+    # The page of the hidden operator, in a session of such terms; empty while none drives. Its
+    # epoch grows with every change of the page and is never reset.
     wizard_peer = models.CharField(max_length=64, blank=True, default="")
     wizard_epoch = models.BigIntegerField(default=0)
     wizard = models.ForeignKey(
@@ -129,7 +127,7 @@ class Lease(models.Model):
 
 
 class FastJson(json.JSONEncoder):
-    """Writes JSON ten times as fast as Python's own encoder, which matters for states alone."""
+    """Encodes JSON ten times as fast as Python's own encoder, which matters only for states."""
 
     def encode(self, o: Any) -> str:
         """Return a value as JSON; like Python's, but NaN becomes null."""
@@ -137,7 +135,7 @@ class FastJson(json.JSONEncoder):
 
 
 class StateChunk(models.Model):
-    """About a second of a robot's states, as they came: one row a session-second.
+    """About a second of a session's states, as the robot sent them.
 
     `states` holds the JSON of robots.api.messages.State, in order of seq; `received_at` and
     `clock_offset` (robot's clock minus the server's, in seconds) are the recorder's own.
@@ -161,7 +159,7 @@ class StateChunk(models.Model):
         constraints = [
             models.UniqueConstraint(fields=["session", "boot", "first_seq"], name="states_once")
         ]
-        # Live views ask for the newest row of a drive again and again.
+        # Live views poll the newest row of a drive.
         indexes = [
             models.Index(fields=["session", "received_at", "first_seq"], name="states_in_order")
         ]
@@ -171,12 +169,10 @@ class StateChunk(models.Model):
 
 
 class SessionEvent(models.Model):
-    """Something that happened once: told by the robot, by the page, by a laboratory's streams, or
-    decided by the session manager.
-    """
+    """An event reported by robot, page or laboratory, or decided by the session manager."""
 
     class Source(models.TextChoices):
-        """Who says so."""
+        """The origin of the event."""
 
         ROBOT = "robot", _("robot")
         PAGE = "page", _("page")
@@ -200,6 +196,26 @@ class SessionEvent(models.Model):
 
     def __str__(self) -> str:
         return f"{self.type} · {self.stamp:.3f}"
+
+    @classmethod
+    def of_server(
+        cls, session: str, kind: str, now: datetime.datetime, data: dict[str, Any]
+    ) -> "SessionEvent":
+        """Return an event that the server decides, not stored yet."""
+        stamp = now.timestamp()
+        return cls(
+            session_id=session,
+            source=cls.Source.SERVER,
+            type=kind,
+            stamp=stamp,
+            received_at=stamp,
+            data=data,
+        )
+
+    @classmethod
+    def server_events(cls, session: Any, *kinds: str) -> "models.QuerySet[SessionEvent]":
+        """Return the events of these kinds that the server has decided."""
+        return cls.objects.filter(session=session, source=cls.Source.SERVER, type__in=kinds)
 
 
 class NetworkSample(models.Model):
@@ -246,12 +262,10 @@ class Snapshot(models.Model):
 
 
 class SystemLog(models.Model):
-    """What the system did: the paper's fourth collection. An event name with fields, never a
-    sentence.
-    """
+    """An entry of the system log, the paper's fourth collection: an event name with fields."""
 
     class Severity(models.TextChoices):
-        """How much it matters."""
+        """The level of the entry."""
 
         INFO = "info", _("info")
         WARNING = "warning", _("warning")
@@ -279,9 +293,7 @@ class SystemLog(models.Model):
 
 
 class ApiKey(models.Model):
-    """A key by which a program of its owner's looks after one robot (sessions/api/views.py); only
-    its hash is kept.
-    """
+    """A key for programs to use one robot (sessions/api/views.py); only its hash is stored."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     robot = models.ForeignKey(
@@ -303,13 +315,13 @@ class ApiKey(models.Model):
         return f"{self.robot} · {self.label}"
 
 
-# After this long without a heartbeat a session manager counts as silent for whoever reads its row.
+# After this long without a heartbeat in its row, a session manager counts as silent.
 STALE_SECONDS = 4.0
 
 
 class ManagerBeat(models.Model):
-    """A slot that one running session manager occupies. Others take it for dead when `beats` does
-    not grow; `beat_at` is for people, since clocks of two computers cannot be compared.
+    """The slot of a running session manager, which counts as dead when `beats` does not grow.
+    `beat_at` is only shown, because clocks of two computers cannot be compared.
     """
 
     name = models.CharField(primary_key=True, max_length=20, default="session_manager")

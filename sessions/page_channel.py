@@ -1,14 +1,13 @@
-"""What Django code, in whatever web process it runs, tells open pages through the channel layer.
+"""Messages of Django code, in any web process, to open pages through the channel layer.
 
-A page is in the group of its robot and in that of its visitor. It is told to look again whether it
-may stay, or a notice for its session. What robots and the session manager say comes by the broker
-instead; and what the layer loses, because Redis is away or the sender is a process without one, a
-page finds by itself when it looks into the database, a minute later at most.
+A page is in the group of its robot and in that of its visitor. It receives requests to check
+whether it may stay, and notices of its session. Messages of robots and of the session manager take
+the broker instead. If the layer loses a message, because Redis is away or the sender is a process
+without it, the page's own check of the database has the same effect within a minute.
 """
 
 import asyncio
-import functools
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 import structlog
@@ -30,6 +29,7 @@ log = structlog.stdlib.get_logger(__name__)
 PATIENCE_SECONDS = 1.0
 RETRY_SECONDS = 5.0
 CHECK, NOTICE, WORDS = "check", "notice", "words"
+_sending: set[asyncio.Future[bool]] = set()
 Event = dict[str, Any]
 
 
@@ -49,44 +49,75 @@ def visitor_group(user: Any) -> str:
 
 
 def check_pages(group: str, *, session: str | None = None) -> None:
-    """Have pages look again whether they may stay, and where their session stands, as soon as what
-    was changed in the database is there for all; only the page of `session` when that is given.
+    """Have pages check whether they may stay, and the state of their session, as soon as the
+    present transaction is committed; only the page of `session` when that is given.
     """
-    transaction.on_commit(functools.partial(_send, group, {"type": CHECK, "session": session}))
+    hooks = (hook for _, hook, _ in transaction.get_connection().run_on_commit)
+    checks = next((hook for hook in hooks if isinstance(hook, _Checks)), None)
+    if checks is not None:
+        checks.wanted.add((group, session))
+    else:
+        transaction.on_commit(_Checks({(group, session)}))
+
+
+class _Checks:
+    """The checks that a transaction asks for, sent together after its commit. A rollback to a
+    savepoint drops them as Django drops other hooks, or sends some that change nothing.
+    """
+
+    def __init__(self, wanted: set[tuple[str, str | None]]) -> None:
+        self.wanted = wanted
+
+    def __call__(self) -> None:
+        events = [(group, {"type": CHECK, "session": session}) for group, session in self.wanted]
+        try:
+            asyncio.get_running_loop()
+        except RuntimeError:
+            async_to_sync(_tell_each)(events)
+        else:  # as in a notebook, whose thread may not wait for its own event loop
+            sending = asyncio.ensure_future(_tell_each(events))
+            _sending.add(sending)
+            sending.add_done_callback(_sending.discard)
 
 
 def send_notice(robot: str, notice: protocol.Notice) -> bool:
     """Send a notice to the page of its session; False when the layer is away."""
     frame = protocol.notice_frame(notice)
-    return _send(robot_group(robot), {"type": NOTICE, "session": notice.session, "frame": frame})
+    event = {"type": NOTICE, "session": notice.session, "frame": frame}
+    return async_to_sync(tell)(robot_group(robot), event)
 
 
 async def send_words(robot: str, session: str, frame: str) -> None:
-    """Send words of a session that waits to its page and to the robot's displays."""
+    """Send a chat message of a waiting session to its page and to the robot's displays."""
     event = {"type": WORDS, "session": session, "frame": frame}
     for group in (robot_group(robot), screen_group(robot)):
         await tell(group, event)
 
 
-def _send(group: str, event: Event) -> bool:
-    return async_to_sync(tell)(group, event)
-
-
 async def tell(group: str, event: Event) -> bool:
     """Send an event to a group; False when the layer is away."""
+    return await _tell_each([(group, event)])
+
+
+async def _tell_each(events: Collection[tuple[str, Event]]) -> bool:
+    """Send each event to its group, all of them at once and within PATIENCE_SECONDS; False when the
+    layer is away for any, which does not keep the others back.
+    """
+    sendings = (_layer().group_send(group, event) for group, event in events)
     try:
         async with asyncio.timeout(PATIENCE_SECONDS):
-            await _layer().group_send(group, event)
+            for error in await asyncio.gather(*sendings, return_exceptions=True):
+                if error is not None:
+                    raise error
     except LAYER_ERRORS as error:
-        log.warning("channel_layer_away", group=group, reason=type(error).__name__)
+        groups = sorted({group for group, _ in events})
+        log.warning("channel_layer_away", groups=groups, reason=type(error).__name__)
         return False
     return True
 
 
 async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> None:
-    """Hand every event of these groups to `handle`, until cancelled; while the layer is away, try
-    again and again.
-    """
+    """Pass every event of these groups to `handle`; retry while the layer is away."""
     layer = _layer()
     while True:
         channel = ""
@@ -107,7 +138,7 @@ async def listen(groups: tuple[str, ...], handle: Callable[[Event], None]) -> No
 def _hand(handle: Callable[[Event], None], event: Event) -> None:
     try:
         handle(event)
-    except Exception:  # the page must get the events that follow
+    except Exception:  # the page must receive later events
         log.exception("event_failed", kind=event.get("type"))
 
 

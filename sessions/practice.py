@@ -105,9 +105,9 @@ def _none_offered(request: HttpRequest) -> HttpResponse:
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def practice(request: HttpRequest) -> JsonResponse:
-    """Say where to practise: `url` of a drive page, null while a robot is being made ready, which
-    takes some seconds; 404 on a site without practice robots. A page that does not wait for a
-    robot, whose session would say so, has one made ready by a POST.
+    """Return the address (`url`) of a drive page to practise on; null while a practice robot
+    starts, which takes some seconds, and 404 on a site without practice robots. Waiting visitors
+    have sessions, for which robots are started; any other page asks by POST to have one started.
     """
     if not settings.PRACTICE_ROBOTS:
         raise Http404

@@ -3,9 +3,9 @@
 A frame is a suffix, a newline, and a JSON object in camelCase, as on the data channel. Suffixes of
 the Robot API mean the same here as on MQTT: the page sends `command/velocity`, `command/heartbeat`,
 `command/action`, `command/picture`, `command/point`; the server relays `state`, `pose`, `path`,
-`scan`, `event`, `action`, `heartbeat`, and to whom they concern `words` and `pointer`. This file
-has the rest. The page's own idea of role, session, epoch or peer is never used: the server stamps
-what the lease says.
+`scan`, `event`, `action`, `heartbeat`, and to the page concerned `words` and `pointer`. This file
+has the rest. Role, session, epoch and peer that a page sends are never used: the server sets those
+of the lease.
 """
 
 from typing import Annotated, Any, Literal
@@ -43,19 +43,12 @@ PATH = "ws/robots/<slug:robot>/"
 CHECK_PATH = "ws/check/"
 SCREEN_PATH = "ws/robots/<slug:robot>/screen/"
 MAX_FRAME = 64 * 1024
-# bytes of JSON: what a page says for the record is kept for long, and the longest that ours says
-# has some 300
+# Bytes of JSON. Page reports are stored for a long time; the longest of our page has some 300.
 MAX_REPORT = 1024
 
-# Why the server closes a WebSocket, as the page's CloseEvent.code tells it.
-SIGNED_OUT, NOT_ALLOWED, NO_SUCH_ROBOT, FLOODED, TOO_SLOW, REPLACED = (
-    4401,
-    4403,
-    4404,
-    4008,
-    4009,
-    4010,
-)
+# Why the server closes a WebSocket: the page's CloseEvent.code.
+SIGNED_OUT, NOT_ALLOWED, NO_SUCH_ROBOT = 4401, 4403, 4404
+FLOODED, TOO_SLOW, REPLACED = 4008, 4009, 4010
 
 # --- page → server ------------------------------------------------------------------------------
 
@@ -63,9 +56,9 @@ SIGNED_OUT, NOT_ALLOWED, NO_SUCH_ROBOT, FLOODED, TOO_SLOW, REPLACED = (
 class Take(Message, frozen=True, kw_only=True):
     """`session/take`: I want to drive.
 
-    `session` and `peer` come back from an earlier `session/granted` of this same page when its
-    WebSocket was lost: same page, same peer, same epoch, the drive goes on. `takeover` moves a
-    session of the same visitor from another tab to this page.
+    `session` and `peer` are from an earlier `session/granted` of this same page, if its WebSocket
+    was lost: same page, same peer, same epoch, and the drive continues. `takeover` moves a session
+    of the same visitor from another tab to this page.
     """
 
     session: Id | None = None
@@ -80,8 +73,8 @@ class Observe(Message, frozen=True, kw_only=True):
 class Leave(Message, frozen=True, kw_only=True):
     """`session/leave`: I am done (or leave the queue).
 
-    `session` and `peer` name the visit that was left while this page had no connection; without
-    them it is the visit of this page.
+    `session` and `peer` name a session that was left while this page had no connection; without
+    them it is the session of this page.
     """
 
     session: Id | None = None
@@ -89,8 +82,8 @@ class Leave(Message, frozen=True, kw_only=True):
 
 
 class Assist(Message, frozen=True, kw_only=True):
-    """`session/assist`: how much the robot shall help me drive. The lease carries it to the robot,
-    whose states say what is in force.
+    """`session/assist`: how much the robot is to help me drive. The lease takes it to the robot,
+    whose states have the level in force.
     """
 
     level: AssistLevel
@@ -100,24 +93,20 @@ Detail = Annotated[str, Meta(max_length=200)]
 
 
 class PageEvent(Message, frozen=True, kw_only=True):
-    """`page/event`: something on the page that belongs into the record, such as a controller chosen
-    or a tab hidden.
-    """
+    """`page/event`: an event for the record, such as a controller chosen or a tab hidden."""
 
     stamp: Stamp
     type: Id
     data: Annotated[dict[Name, Detail | float | bool | None], Meta(max_length=16)] = {}
 
 
-# the type of a page event that is a sign of the visitor, who types, presses or looks around without
-# driving
+# The type of the page event that shows that the visitor is present, although not driving: typing,
+# pressing, looking around.
 HERE = "here"
 
 
 class PageNetwork(Message, frozen=True, kw_only=True):
-    """`page/network`: one second of the connection as the browser measured it; times in s, rates in
-    bit/s.
-    """
+    """`page/network`: one second of the connection, by the browser; times in s, rates in bit/s."""
 
     stamp: Stamp
     way: Literal["datachannel", "mqtt"]
@@ -138,9 +127,7 @@ class WantOffer(Message, frozen=True, kw_only=True, tag_field="type", tag="want"
 
 
 class Direct(Message, frozen=True, kw_only=True):
-    """`page/direct`: whether what the robot says comes over the data channel as well, so that the
-    server can leave most of it out.
-    """
+    """`page/direct`: whether the robot's messages also arrive over the data channel."""
 
     direct: bool
 
@@ -156,14 +143,14 @@ class RaiseHand(Message, frozen=True, kw_only=True):
 
 
 class AskQuestion(Message, frozen=True, kw_only=True):
-    """`audience/ask`, of a page that watches: a question to whoever drives."""
+    """`audience/ask`, of a page that watches: a question to the driver."""
 
     text: QuestionText
 
 
 class MarkQuestion(Message, frozen=True, kw_only=True):
-    """`audience/mark`, of the page that drives, or watches for somebody who operates the robot:
-    what becomes of a question.
+    """`audience/mark`, of the driver's page, or of an operator's page that watches: the new state
+    of a question.
     """
 
     question: Id
@@ -171,7 +158,7 @@ class MarkQuestion(Message, frozen=True, kw_only=True):
 
 
 class LowerHands(Message, frozen=True, kw_only=True):
-    """`audience/lower`, of the same: all hands go down."""
+    """`audience/lower`, of the same pages: all hands go down."""
 
 
 ToAudience = RaiseHand | AskQuestion | MarkQuestion | LowerHands
@@ -180,9 +167,9 @@ ToAudience = RaiseHand | AskQuestion | MarkQuestion | LowerHands
 
 
 class Hello(Message, frozen=True, kw_only=True):
-    """`hello`: first frame of every connection. `peer` is secret to this page; `stamp` the server's
-    clock. `live_since`: since when the visitor drives this robot, as `since` of `session/refused`;
-    without `live_elsewhere` no page drives it just now, and this one may go on.
+    """`hello`: first frame of every connection. `peer` is secret to this page, `stamp` the server's
+    clock. `live_since` is when the visitor's session at this robot began, as `since` of
+    `session/refused`; without `live_elsewhere` no page drives in it, and this one may resume it.
     """
 
     peer: Id
@@ -196,12 +183,11 @@ class Hello(Message, frozen=True, kw_only=True):
 
 
 class GrantedTerms(Message, frozen=True, kw_only=True):
-    """What somebody has fixed for this visit (sessions/leases/terms.py), which the visitor cannot
-    change.
+    """The terms of this session (sessions/leases/terms.py), which the visitor cannot change.
 
-    `controllers` are the input methods and `actions` the types of actions that are allowed, absent:
-    all. `assist` is the level of assistance, absent: the visitor's choice. `interface` names what
-    the page shows and leaves out.
+    `controllers` are the allowed input methods, `actions` the allowed types of actions, absent:
+    all. `assist` is the level of assistance, absent: the visitor's choice. `interface` is the
+    profile of the page.
     """
 
     label: Name = ""
@@ -213,9 +199,7 @@ class GrantedTerms(Message, frozen=True, kw_only=True):
 
 
 class Granted(Message, frozen=True, kw_only=True):
-    """`session/granted`: you drive. `resumed` when epoch and peer are those of before, so that a
-    living data channel stays bound.
-    """
+    """`session/granted`: you drive. `resumed`: with the same epoch, peer and data channel."""
 
     session: Id
     epoch: Count
@@ -228,17 +212,15 @@ class Granted(Message, frozen=True, kw_only=True):
 
 
 class Observing(Message, frozen=True, kw_only=True):
-    """`session/observing`: you watch; `sfu`: not the robot itself, but through the server's SFU."""
+    """`session/observing`: you watch; `sfu`: through the server's SFU instead of the robot."""
 
     ice_servers: tuple[IceServer, ...] = ()
     sfu: bool = False
 
 
 class Refused(Message, frozen=True, kw_only=True):
-    """`session/refused`: no. `reason` is one of the words below; `elsewhere` offers a takeover.
-
-    `outcome` is how a session of this visitor's that has `ended` did, as in `session/ended`;
-    `since` when the one that is driven `elsewhere` began.
+    """`session/refused`: no. `elsewhere` offers a takeover of the visitor's `session`, which began
+    at `since`. `outcome` is that of a session which has `ended`, as in `session/ended`.
     """
 
     reason: Literal[
@@ -262,11 +244,10 @@ class Refused(Message, frozen=True, kw_only=True):
 
 
 class RoomState(Message, frozen=True, kw_only=True):
-    """`room`: who is here. `driver` is the name, None when nobody drives; `observers` are
-    those who only watch, and not those who watch while they wait. A `private` drive is not shown to
-    this page, nor its driver's name.
+    """`room`: who is here. `driver` is the driver's name, None without one; `observers` only watch
+    and do not wait. A `private` drive and its driver's name are not shown to this page.
 
-    `pause` says why a robot that nobody drives is not ready, as the reason of `session/queued`.
+    `pause` is why a robot without a driver is not ready, as the reason of `session/queued`.
     """
 
     driver: Name | None = None
@@ -278,7 +259,7 @@ class RoomState(Message, frozen=True, kw_only=True):
 
 
 class AudienceQuestion(Message, frozen=True, kw_only=True):
-    """A question of the audience. Only who moderates is told `who` asked; `own`: this visitor."""
+    """A question of the audience; `own`: this visitor's. Only moderating pages receive `who`."""
 
     id: Id
     text: QuestionText
@@ -288,12 +269,12 @@ class AudienceQuestion(Message, frozen=True, kw_only=True):
 
 
 class AudienceState(Message, frozen=True, kw_only=True):
-    """`audience`: what this page may see of hands and questions, oldest first; not `open` while
-    nobody drives, or for a study.
+    """`audience`: the hands and questions that this page may see, oldest first; not `open` without
+    a driver, or in a study.
 
-    `raised`: this visitor's hand is up. Only a page that `moderates` is told how many `hands` are
-    up, the `names` of the first, and of questions all that wait; every page those of its own
-    visitor, and what is being answered.
+    `raised`: this visitor's hand is up. Only a page that `moderates` receives the number of
+    `hands`, the `names` of the first, and all waiting questions; every page receives those of its
+    own visitor, and the one that is being answered.
     """
 
     open: bool = False
@@ -305,8 +286,8 @@ class AudienceState(Message, frozen=True, kw_only=True):
 
 
 class Screen(Message, frozen=True, kw_only=True):
-    """`screen`, for the robot's own display: what the robot is called, `titles` by language where
-    it has others, who visits it, None when nobody does, and whether in a study.
+    """`screen`, for the robot's own display: the robot's title, and `titles` in other languages;
+    its session and visitor, None without one, and whether the session is part of a study.
     """
 
     title: Name
@@ -319,19 +300,18 @@ class Screen(Message, frozen=True, kw_only=True):
 
 
 class RobotPresence(Message, frozen=True, kw_only=True):
-    """`robot`: the robot came or went."""
+    """`robot`: the robot went online or offline."""
 
     online: bool
     reason: Reason = ""
 
 
 class Fault(Message, frozen=True, kw_only=True):
-    """A part of the server, or the robot, that does not do its work, and what that means for who
-    drives.
+    """A fault of a part of the server, or of the robot, and its effect on driving.
 
-    `then`: `waits` nobody drives, and nobody gets the robot meanwhile; `stops` the robot brakes in
-    `seconds` unless the part is back before; `stopped` it has, and driving goes on when the part is
-    back; `goes_on` driving is not touched.
+    `then`: `waits` there is no driver, and no visitor gets the robot until the fault is over;
+    `stops` the robot brakes in `seconds` unless the fault is over before; `stopped` it has braked,
+    and driving continues after the fault; `goes_on` driving is not affected.
     """
 
     part: Literal["broker", "session_manager", "database", "disk_low", "disk_full", "robot"]
@@ -340,10 +320,9 @@ class Fault(Message, frozen=True, kw_only=True):
 
 
 class ServerStatus(Message, frozen=True, kw_only=True):
-    """`server/status`: what fails now, all of it, once a second and whenever that changes; empty:
-    all is well.
+    """`server/status`: all present faults, once a second and whenever they change; empty: none.
 
-    A page that hears nothing at all for a second and a half has lost its web process, or its
+    A page that receives nothing at all for a second and a half has lost its web process, or its
     network.
     """
 
@@ -351,7 +330,7 @@ class ServerStatus(Message, frozen=True, kw_only=True):
 
 
 class Denied(Message, frozen=True, kw_only=True):
-    """`denied`: a frame of this page was refused, and why; not an error of the connection."""
+    """`denied`: a frame of this page was refused; not an error of the connection."""
 
     suffix: Name
     reason: Name
@@ -361,11 +340,11 @@ class Denied(Message, frozen=True, kw_only=True):
 
 
 class Notice(Message, frozen=True, kw_only=True):
-    """What the page of a session is told without having asked for it.
+    """A message to the page of a session that the page did not request.
 
-    Every notice has one name on its whole way (`NOTICES`): `session/<name>` is the suffix of its
-    frame, which processes hand on as it is, and where it belongs into the record, `<name>` is the
-    type of the session's event there and its other fields are the event's data.
+    Every notice has one name everywhere (`NOTICES`): `session/<name>` is the suffix of its frame,
+    which processes pass on unchanged. If it is recorded, `<name>` is the type of the session's
+    event, and its other fields are the event's data.
     """
 
     session: Id
@@ -374,10 +353,10 @@ class Notice(Message, frozen=True, kw_only=True):
 class Queued(Notice, frozen=True, kw_only=True):
     """You wait; `place` 1 is next, `minutes` the estimate.
 
-    `reason` says why a robot that nobody drives is not ready: `returning`, `charging` or `paused`,
-    a colon, and what the robot says; `held`, a colon, and why somebody has paused visits; or
-    `start`, a colon, and in one word why it is not as a study wants it: `not_docked`, `elsewhere`,
-    `lost`, `charge`, `silent`.
+    `reason` is why a robot without a driver is not ready: `returning`, `charging` or `paused`, a
+    colon, and the robot's reason; `held`, a colon, and why sessions are paused; or `start`, a
+    colon, and the code of why it does not meet a study's terms: `not_docked`, `elsewhere`, `lost`,
+    `charge`, `silent`.
     """
 
     place: Count
@@ -398,25 +377,23 @@ class TurnWarning(Notice, frozen=True, kw_only=True):
 
 
 class AskedThere(Notice, frozen=True, kw_only=True):
-    """Are you still there? Without a sign the robot goes on to the next visitor in `seconds`."""
+    """Are you still there? Without a sign, the next visitor gets the robot in `seconds`."""
 
     seconds: Seconds
 
 
 class FoundThere(Notice, frozen=True, kw_only=True):
-    """You have given a sign: all is well."""
+    """Your presence is confirmed."""
 
 
 class Task(Notice, frozen=True, kw_only=True):
-    """How far the task is; all of it, each time that anything changes and whenever
-    a page takes the session.
+    """The complete state of the task, at every change and whenever a page takes the session.
 
-    `cue` is what the visitor is told (experiments.definition.cues.CueKey, or `practice`), `number`
-    the checkpoint that it speaks of (0 is the station), at `x`, `y` in metres on the map. `passed`
-    are the numbers of checkpoints behind the robot, `doors` the names of doors in the order they
-    were gone through. `remaining` is in seconds at `stamp`, said in the last minutes alone. `photo`
-    is the action whose picture waits for an answer while `window` is `review`. `outcome` is empty
-    until the task is over.
+    `cue` is the instruction to the visitor (experiments.definition.cues.CueKey, or `practice`),
+    `number` its checkpoint (0 is the station), at `x`, `y` in metres on the map. `passed` are the
+    numbers of passed checkpoints, `doors` the names of doors in the order the robot went through
+    them. `remaining` is in seconds at `stamp`, sent in the last minutes only. `photo` is the action
+    whose photo is reviewed while `window` is `review`. `outcome` is empty until the task is over.
     """
 
     stamp: Stamp
@@ -433,15 +410,13 @@ class Task(Notice, frozen=True, kw_only=True):
 
 
 class OperatorMessage(Notice, frozen=True, kw_only=True):
-    """A sentence of whoever looks after the session."""
+    """A sentence of the session's operator."""
 
     text: Reason
 
 
 class Ended(Notice, frozen=True, kw_only=True):
-    """The session is over, with one of sessions.models.Session.Outcome, or `moved` to another
-    tab.
-    """
+    """The session is over; `outcome` as in sessions.models, or `moved` to another tab."""
 
     outcome: Name
     reason: Reason = ""
@@ -462,7 +437,7 @@ _NOTICE = "session/"
 
 
 def notice_frame(notice: Notice) -> str:
-    """Return a notice as the page gets it."""
+    """Return the frame of a notice."""
     return encode_frame(_NOTICE + NOTICE_NAMES[type(notice)], notice)
 
 
@@ -473,17 +448,12 @@ def decode_notice(frame: str) -> Notice:
         Rejection: it is none, or malformed.
     """
     suffix, _, payload = frame.partition("\n")
-    kind = NOTICES.get(suffix.removeprefix(_NOTICE)) if suffix.startswith(_NOTICE) else None
-    if kind is None:
-        raise Rejection("unknown_topic", suffix[:80])
-    try:
-        return msgspec.json.decode(payload, type=kind)
-    except (msgspec.DecodeError, RecursionError) as error:
-        raise Rejection("malformed", f"{suffix}: {error}") from error
+    notice: Notice = decode(suffix, payload, _NOTICE_DECODERS)
+    return notice
 
 
 def task_of(session: str, shown: dict[str, Any], stamp: float) -> Task | None:
-    """Return what is stored of a task (Drive.shown) as a notice; None when it is none."""
+    """Return the stored state of a task (Drive.shown) as a notice; None when it is malformed."""
     try:
         return msgspec.convert({**shown, "session": session, "stamp": stamp}, Task)
     except msgspec.ValidationError as error:
@@ -495,10 +465,9 @@ def task_of(session: str, shown: dict[str, Any], stamp: float) -> Task | None:
 
 
 class PageReport(Message, frozen=True, kw_only=True):
-    """`telepresence/v1/server/page/<session>`: what a page said for the record, on its way from a
-    web process to the session manager.
-
-    `message` is the JSON of a PageEvent or a PageNetwork, checked by the web process.
+    """`telepresence/v1/server/page/<session>`: a page's report for the record, from a web process
+    to the session manager. `message` is the JSON of a PageEvent or a PageNetwork, which the web
+    process has checked.
     """
 
     suffix: Literal["page/event", "page/network"]
@@ -507,7 +476,7 @@ class PageReport(Message, frozen=True, kw_only=True):
 
 
 def page_reports(session: str) -> str:
-    """Return the topic of one session's page reports; `+` makes the filter of all."""
+    """Return the topic of a session's page reports; for `+`, the filter of all."""
     return f"{SERVER}/page/{session}"
 
 
@@ -525,7 +494,7 @@ TO_SERVER: dict[str, type] = {
     "audience/lower": LowerHands,
 }
 # page → server: Offer, Candidate, Bye; server → page: `signal/reply` with Answer, Candidate, Bye.
-# With the SFU the server offers, when the page wants it.
+# With the SFU, the server offers, at the page's request.
 SIGNAL = "signal"
 TO_PAGE: dict[str, Any] = {
     "hello": Hello,
@@ -541,29 +510,25 @@ TO_PAGE: dict[str, Any] = {
     "signal/reply": SdpAnswer | Candidate | Bye | SdpOffer,
     **{f"{_NOTICE}{name}": kind for name, kind in NOTICES.items()},
 }
-_DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
-    suffix: msgspec.json.Decoder(kind) for suffix, kind in TO_SERVER.items()
-}
-_DECODERS[SIGNAL] = msgspec.json.Decoder(SdpOffer | Candidate | Bye | WantOffer | SdpAnswer)
-__all__ = [
-    "MAX_FRAME",
-    "PATH",
-    "SIGNAL",
-    "TO_PAGE",
-    "TO_SERVER",
-    "decode",
-    "encode_frame",
-    "page_reports",
-]
+Decoders = dict[str, msgspec.json.Decoder[Any]]
 
 
-def decode(suffix: str, payload: str) -> Any:
-    """Return the message of a page's frame.
+def decoders_of(kinds: dict[str, Any]) -> Decoders:
+    """Return the decoders of message types, by suffix."""
+    return {suffix: msgspec.json.Decoder(kind) for suffix, kind in kinds.items()}
+
+
+_DECODERS = decoders_of({**TO_SERVER, SIGNAL: SdpOffer | Candidate | Bye | WantOffer | SdpAnswer})
+_NOTICE_DECODERS = decoders_of({f"{_NOTICE}{name}": kind for name, kind in NOTICES.items()})
+
+
+def decode(suffix: str, payload: str, decoders: Decoders = _DECODERS) -> Any:
+    """Return the message of a frame, by default a page's.
 
     Raises:
         Rejection: unknown suffix or malformed; Robot API suffixes go to robots.api.codec instead.
     """
-    decoder = _DECODERS.get(suffix)
+    decoder = decoders.get(suffix)
     if decoder is None:
         raise Rejection("unknown_topic", suffix[:80])
     try:

@@ -20,10 +20,11 @@ REFUSED = Attempts("screen-refused", limit=20)
 @never_cache
 @require_safe
 def screen(request: HttpRequest, robot: str) -> HttpResponse:
-    """Show the page of a robot's screen; without the key it is empty and says what is missing.
+    """Show the page of a robot's screen; without the key it is empty and says that the key is
+    missing.
 
-    Anybody may open it, so without the key it is the same for every name: what a robot that is not
-    for everybody is called, and whether there is one, is not told.
+    The address is public. Without the key the page is therefore the same for every name, so that it
+    reveals neither the existence nor the title of a robot that is not public.
     """
     found = screen_of(robot, request.COOKIES.get(cookie_of(robot), ""))
     config = {
@@ -43,7 +44,7 @@ def screen(request: HttpRequest, robot: str) -> HttpResponse:
 @never_cache
 @require_POST
 def screen_key(request: HttpRequest, robot: str) -> HttpResponse:
-    """Take the key that stood behind the `#`, and give it back as a cookie that no script reads."""
+    """Take the key from after the `#`, and return it as a cookie that no script can read."""
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now):
         return too_many(request, REFUSED.wait(address, now), json=True)

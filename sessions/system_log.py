@@ -1,6 +1,4 @@
-"""The system log: an event name with fields, kept in the database and written to the process's own
-log.
-"""
+"""The system log: event names with fields, in the database and in the process's own log."""
 
 import datetime
 import logging
@@ -22,10 +20,10 @@ _LEVELS = {
 
 
 def log(event: str, level: str = "info", **about: Any) -> SystemLog:
-    """Keep an event; the arguments are those of `entry`.
+    """Log and store an event; the arguments are those of `entry`.
 
     Raises:
-        DatabaseError: it could not be stored; it is then at least in the process's log.
+        DatabaseError: it was only written to the process's log.
     """
     row = entry(event, level, **about)
     row.save(force_insert=True)
@@ -41,7 +39,7 @@ def entry(
     at: datetime.datetime | None = None,
     **fields: Any,
 ) -> SystemLog:
-    """Write an event to the process's log, and return what is to be kept of it.
+    """Write an event to the process's log, and return its row, which is not stored yet.
 
     Args:
         event: a name in snake_case, at most 60 characters.

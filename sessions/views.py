@@ -27,7 +27,7 @@ from robots.cards import picture_of
 from robots.enrol.elsewhere import led_to_its_site
 from robots.ice import ice_servers
 from robots.models import Robot
-from sessions import interfaces, protocol
+from sessions import protocol
 from sessions.models import Snapshot
 
 MAX_SNAPSHOTS = 200
@@ -95,7 +95,6 @@ def page_config(robot: Robot, user: Any) -> dict[str, Any]:
         "snapshots": reverse("snapshots", args=[robot.name]),
         "factsheet": robot.presence.factsheet,
         "returnsHome": robot.returns_home,
-        "suggested": interfaces.suggested_to(user),
         "operates": bool(may_operate(user, robot)),
     }
 

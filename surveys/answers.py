@@ -1,8 +1,8 @@
-"""What somebody says to one question, judged: a value of the right kind within its bounds, or a
-reason why there is none.
+"""Reading answers from the fields of a page: a value that the question allows, or a reason why
+there is none.
 
-On the page a question `q` is the field `q`; a reason comes as `~preferred_not` in the same field
-where one choice excludes the others (scales, single choice), and in the field `q~` elsewhere.
+A question `q` is the field `q`. A reason is sent as `~preferred_not` in the same field where one
+choice excludes the others (scales, single choice), and in the field `q~` elsewhere.
 """
 
 import datetime
@@ -21,8 +21,8 @@ REASON_MARK = "~"
 
 
 class Missing(StrEnum):
-    """Why there is no value. NOT_APPLICABLE is what the respondent chose, where the question offers
-    it. NOT_ASKED and NOT_REACHED are never stored: nothing was said.
+    """Why there is no value. NOT_APPLICABLE is a choice of the respondent. NOT_ASKED and
+    NOT_REACHED are never stored.
     """
 
     SKIPPED = "skipped"
@@ -34,40 +34,29 @@ class Missing(StrEnum):
 
 @dataclass(frozen=True)
 class AnswerValue:
-    """An answer: either a value (int, float, str, or a list of str), or the reason why there is
-    none.
-    """
+    """Either a value (int, float, str, or a list of str), or the reason why there is none."""
 
     value: Any = None
     missing: Missing | None = None
 
     @property
     def is_left_empty(self) -> bool:
-        """Whether nothing at all was said."""
         return self.missing is Missing.SKIPPED
 
 
 def read_answer(
     question: Question, fields: Mapping[str, Sequence[str]], now: datetime.datetime
 ) -> AnswerValue:
-    """Return what the fields of a page say to a question; saying nothing is `SKIPPED`, whether or
-    not that is allowed.
-
-    Args:
-        question: the question.
-        fields: values by field name, as the page sends them.
-        now: when it is said, for bounds that move with the day.
-
-    Raises:
-        RefusedError: when the value is of the wrong kind, out of bounds, or a reason is given that
-            the question does not offer.
+    """Return the answer to a question in the fields of a page, sent at `now`; no answer is SKIPPED,
+    whether or not that is allowed. Raises RefusedError for a value of the wrong kind or out of
+    bounds, and for a reason that the question does not offer.
     """
     item = question.item
-    values = [
+    sent = [
         value.replace("\r\n", "\n").replace("\r", "\n").replace("\x00", "").strip()
-        for value in item.values_sent(question.key, fields)
+        for value in fields.get(question.key, ())
     ]
-    values = [value for value in values if value]
+    values = [value for value in sent if value]
     reasons = [value for value in fields.get(question.key + REASON_MARK, ()) if value]
     if not item.is_free_text:
         reasons += [value[1:] for value in values if value.startswith(REASON_MARK)]
@@ -82,7 +71,6 @@ def read_answer(
 
 
 def check_complete(question: Question, given: AnswerValue) -> None:
-    """Raise RefusedError when an answer that is required was left empty."""
     if given.is_left_empty and question.item.required:
         raise RefusedError(_("Answer this question."))
 
@@ -105,31 +93,21 @@ def response_statuses(
     circumstances: Circumstances,
     reached: int,
 ) -> dict[str, AnswerValue]:
-    """Return how every question of a response stands, by key in written order: its value, or the
-    reason why there is none.
+    """Return value or reason of every question of a response, by key in written order. `reached` is
+    the number of pages done: all once the response is finished.
 
-    Of a question that was not asked nothing counts, whatever was said before an earlier answer
-    changed. One that was asked without an answer was skipped, if its page was left behind.
-
-    Args:
-        definition: the questionnaire.
-        stored: what is stored, by key.
-        circumstances: robot and outcome.
-        reached: how many pages were left behind; all of them once the response is finished.
+    A stored answer does not count when a change of an earlier one has hidden its question. A
+    question without an answer was skipped if its page is done.
     """
     values = {key: given.value for key, given in stored.items()}
     asked = set(shown_keys(definition, values, circumstances))
-    return {
-        question.key: _status(question, stored.get(question.key), question.key in asked, reached)
-        for question in definition.questions()
-    }
-
-
-def _status(
-    question: Question, given: AnswerValue | None, asked: bool, reached: int
-) -> AnswerValue:
-    if question.page >= reached and given is None:
-        return AnswerValue(missing=Missing.NOT_REACHED)
-    if not asked:
-        return AnswerValue(missing=Missing.NOT_ASKED)
-    return given or AnswerValue(missing=Missing.SKIPPED)
+    statuses = {}
+    for key, question in definition.by_key.items():
+        given = stored.get(key)
+        if given is None and question.page >= reached:
+            statuses[key] = AnswerValue(missing=Missing.NOT_REACHED)
+        elif key not in asked:
+            statuses[key] = AnswerValue(missing=Missing.NOT_ASKED)
+        else:
+            statuses[key] = given or AnswerValue(missing=Missing.SKIPPED)
+    return statuses

@@ -5,7 +5,5 @@ from django.utils.translation import gettext_lazy as _
 
 
 class SurveysConfig(AppConfig):
-    """Questionnaires and what people answered."""
-
     name = "surveys"
     verbose_name = _("Questionnaires")

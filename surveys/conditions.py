@@ -1,13 +1,12 @@
-"""Which questions somebody is asked: `show_if`, decided from the robot, the outcome, and earlier
-answers.
+"""Which questions a respondent is asked: `show_if`, decided from the robot, the outcome, and
+earlier answers. A hidden question counts as unanswered for those that depend on it.
 
-A question that is hidden counts as unanswered for those that depend on it.
-static/js/pages/survey/conditions.js says the same for questions on the page in front of the
-visitor; tests/golden/survey_conditions.json binds the two.
+static/js/pages/survey/conditions.js decides the same within a page;
+tests/golden/survey_conditions.json binds the two.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Container, Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from surveys.definition import Definition
@@ -16,46 +15,26 @@ from surveys.item import ItemCondition
 
 @dataclass(frozen=True)
 class Circumstances:
-    """What is known beside the answers. A robot may go by several words: its name, its series."""
+    """What conditions compare beside answers. A robot has several names, such as its series."""
 
-    robot: frozenset[str] = field(default_factory=frozenset)
+    robot: frozenset[str] = frozenset()
     outcome: str = ""
 
-
-def answer_fits(condition: ItemCondition, value: Any) -> bool:
-    """Tell whether an answer, as its type compares it, meets the part of a condition that asks
-    one.
-    """
-    if condition.one_of:
-        chosen = value if isinstance(value, list) else [value]
-        return any(one in condition.one_of for one in chosen)
-    # bounds are asked of numbers alone (surveys/problems.py)
-    above = condition.at_least is None or value >= condition.at_least
-    return above and (condition.at_most is None or value <= condition.at_most)
-
-
-def circumstances_fit(condition: ItemCondition, circumstances: Circumstances) -> bool:
-    """Tell whether robot and outcome are among those that a condition names."""
-    if condition.robot and not circumstances.robot.intersection(condition.robot):
-        return False
-    return not condition.outcome or circumstances.outcome in condition.outcome
+    def fit(self, condition: ItemCondition) -> bool:
+        if condition.robot and not self.robot.intersection(condition.robot):
+            return False
+        return not condition.outcome or self.outcome in condition.outcome
 
 
 def shown_keys(
     definition: Definition, values: Mapping[str, Any], circumstances: Circumstances
 ) -> list[str]:
-    """Return the keys of the questions that are asked, in written order.
-
-    Args:
-        definition: the questionnaire.
-        values: answers by key; a key that is not there, or None, is no answer.
-        circumstances: robot and outcome.
-    """
+    """Return the keys of the questions asked, as written; no entry in `values` is no answer."""
     shown: dict[str, None] = {}
     for question in definition.questions():
         conditions = (definition.pages[question.page].show_if, question.item.show_if)
         if all(
-            _holds(condition, definition, values, shown, circumstances)
+            circumstances.fit(condition) and _answer_fits(condition, definition, values, shown)
             for condition in conditions
             if condition is not None
         ):
@@ -63,18 +42,21 @@ def shown_keys(
     return list(shown)
 
 
-def _holds(
+def _answer_fits(
     condition: ItemCondition,
     definition: Definition,
     values: Mapping[str, Any],
-    shown: Iterable[str],
-    circumstances: Circumstances,
+    shown: Container[str],
 ) -> bool:
-    if not circumstances_fit(condition, circumstances):
-        return False
     if not condition.item:
         return True
-    asked, value = definition.question(condition.item), values.get(condition.item)
-    if asked is None or condition.item not in shown or value is None:
+    asked, stored = definition.question(condition.item), values.get(condition.item)
+    if asked is None or condition.item not in shown or stored is None:
         return False
-    return answer_fits(condition, asked.item.compared(value))
+    value = asked.item.compared(stored)
+    if condition.one_of:
+        chosen = value if isinstance(value, list) else [value]
+        return any(one in condition.one_of for one in chosen)
+    # only numbers have conditions with bounds (surveys/problems.py)
+    above = condition.at_least is None or value >= condition.at_least
+    return above and (condition.at_most is None or value <= condition.at_most)

@@ -1,12 +1,11 @@
-"""A questionnaire as it is written: version 1 of the JSON format, one class a kind of thing.
+"""The definition of a questionnaire: version 1 of the JSON format.
 
-What takes one answer is a *question*: an item (surveys/item.py, a file a type in
-surveys/questions/), or one row of a grid. Every question has a key of its own, under which its
-answer is stored for good. The classes refuse unknown fields and wrong types; surveys/problems.py
-tells what types cannot.
+A *question* takes one answer: an item (surveys/item.py, with a file for each type in
+surveys/questions/), or a row of a grid. Its answer is stored under its key for good. The classes
+refuse unknown fields and wrong types; surveys/problems.py checks the rest.
 """
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from functools import cached_property
 from hashlib import sha256
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
@@ -25,8 +24,6 @@ else:
 
 
 class Page(DocumentPart, frozen=True, kw_only=True):
-    """What is on the screen at once."""
-
     key: Key
     title: Text = {}
     intro: Text = {}
@@ -35,22 +32,17 @@ class Page(DocumentPart, frozen=True, kw_only=True):
     items: tuple[AnyItem, ...]
 
     def items_shown(self, seed: int) -> list[AnyItem]:
-        """Return the items in the order shown to somebody with a seed."""
         return ordered(self.items, self.order, seed, f"page {self.key}")
 
 
 class QuestionTopic(DocumentPart, frozen=True, kw_only=True):
-    """Questions that are reported together."""
-
     key: Key
     text: Text
     items: tuple[str, ...]
 
 
 class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
-    """A whole questionnaire. A `template` holds the structure of one whose text may not be shipped:
-    it can be filled in, not used.
-    """
+    """A questionnaire. A `template` lacks texts that may not be shipped, and cannot be used."""
 
     format: Literal[1]
     slug: Slug
@@ -67,20 +59,18 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
     scoring: ScoringRule | Literal["none"] = "none"
 
     def questions(self) -> Collection[Question]:
-        """Every question in written order."""
-        return self._by_key.values()
+        return self.by_key.values()
 
     def question(self, key: str) -> Question | None:
-        """Return the question with a key."""
-        return self._by_key.get(key)
+        return self.by_key.get(key)
 
     def questions_shown(self, seed: int) -> list[Question]:
-        """Return every question in the order in which somebody with a seed meets them."""
-        shown = (item for page in self.pages for item in page.items_shown(seed))
-        keys = (
-            item.key if row is None else row.key for item in shown for row in item.rows_shown(seed)
-        )
-        return [self._by_key[key] for key in keys]
+        return [
+            self.by_key[key]
+            for page in self.pages
+            for item in page.items_shown(seed)
+            for key in item.keys_asked(seed)
+        ]
 
     def positions(self, seed: int) -> dict[str, int]:
         """Return the place of each question in the order shown, from 1, by key."""
@@ -100,44 +90,34 @@ class Definition(DocumentPart, frozen=True, kw_only=True, dict=True):
 
     @cached_property
     def reversed(self) -> Collection[str]:
-        """The keys of the questions that scores count from the other end: those that say so, and of
-        the SUS the even ones.
-        """
+        """The keys of the questions that scores count from the other end; in the SUS, the even."""
         if self.scoring == "sus":
             return [question.key for question in self.scored[1::2]]
         return [question.key for question in self.scored if question.is_reversed]
 
     def coded(self, values: Mapping[str, Any]) -> dict[str, Any]:
-        """Return stored values by key as scores count them: reverse-coded ones from the other end.
-        None is no answer.
-        """
+        """Return answers by key (None for none), reversed ones counted from the other end."""
         turned = {
-            key: self._by_key[key].from_other_end(values[key])
+            key: self.by_key[key].from_other_end(values[key])
             for key in self.reversed
             if values.get(key) is not None
         }
         return {**values, **turned}
 
     @cached_property
-    def _by_key(self) -> dict[str, Question]:
-        """Made once, because exports ask for it with every response. Of keys that stand twice,
-        which is refused, the last one counts.
-        """
-        return {question.key: question for question in _walk(self)}
-
-
-def _walk(definition: Definition) -> Iterator[Question]:
-    for index, page in enumerate(definition.pages):
-        for item in page.items:
-            points = item.points(definition.scales)
-            for row in item.rows_asked():
-                yield Question(page=index, item=item, row=row, points=points)
+    def by_key(self) -> dict[str, Question]:
+        """The questions by key; a key that occurs twice (a problem) has the last."""
+        questions = (
+            Question(number, item, row, item.points(self.scales))
+            for number, page in enumerate(self.pages)
+            for item in page.items
+            for row in item.rows_asked()
+        )
+        return {question.key: question for question in questions}
 
 
 def language_for(definition: Definition, wanted: str) -> str:
-    """Return the language in which a questionnaire is shown to somebody who reads `wanted` ("es",
-    "es-mx").
-    """
+    """Return the language to show a questionnaire in where `wanted` ("es-mx") is preferred."""
     for name in (wanted, wanted.split("-", maxsplit=1)[0]):
         if name in definition.languages:
             return name
@@ -148,9 +128,6 @@ prepare(Definition)
 
 
 def to_json(definition: Definition) -> bytes:
-    """Return a definition as the JSON that import takes: indented, fields in the order of the
-    classes.
-    """
     return msgspec.json.format(msgspec.json.encode(definition), indent=2) + b"\n"
 
 
@@ -160,38 +137,4 @@ def digest(definition: Definition) -> str:
 
 
 def from_stored(document: Any) -> Definition:
-    """Return the definition that a database row holds; it was checked when it was stored."""
     return msgspec.convert(document, Definition)
-
-
-# --- answers as tables with a line a response -----------------------------------------------------
-
-
-def columns_of(versions: Sequence[Definition]) -> list[str]:
-    """Return the columns of a table with a line a response to any version of a questionnaire: those
-    of each question's type, and why there is no answer.
-    """
-    named: dict[str, dict[str, None]] = {}
-    for definition in versions:
-        for question in definition.questions():
-            columns = named.setdefault(question.key, {})
-            columns |= dict.fromkeys(question.item.columns(question.key))
-    return [column for key, columns in named.items() for column in (*columns, f"{key}_missing")]
-
-
-def cells_of(
-    questions: Mapping[str, Question], values: Mapping[str, Any], missing: Mapping[str, str]
-) -> dict[str, Any]:
-    """Return the cells of a response by their columns.
-
-    Args:
-        questions: what may have been asked, by key.
-        values: stored values by key; None or no entry is no answer.
-        missing: why there is none, by key.
-    """
-    cells: dict[str, Any] = {}
-    for key, question in questions.items():
-        item = question.item
-        cells |= zip(item.columns(key), item.cells(values.get(key)), strict=True)
-        cells[f"{key}_missing"] = missing.get(key, "")
-    return cells

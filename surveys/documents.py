@@ -1,11 +1,11 @@
-"""What questionnaires and studies share as JSON documents: texts in several languages, names, and
-reading a document with every problem of it.
+"""JSON documents of questionnaires and studies: their texts, names and problems.
 
 A text is an object of languages, `{"en": "…", "es": "…"}`.
 """
 
 import functools
 import re
+import unicodedata
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
@@ -48,14 +48,14 @@ class DocumentPart(
 
 @functools.cache
 def fields_of(kind: type[msgspec.Struct]) -> tuple[msgspec.structs.FieldInfo, ...]:
-    """Return the fields of a kind of part; msgspec reads all its annotations each time."""
+    """Return the fields of a class, cached: msgspec reads all annotations at each call."""
     return msgspec.structs.fields(kind)
 
 
 @dataclass(frozen=True)
 class ProblemPlace:
-    """Where a problem is corrected: a section of a document, or in it the part with a key or with a
-    number, from 0. Without a section, nowhere in it.
+    """Where a problem is corrected: a section of a document, or the part in it with a key or number
+    (from 0). No section means no place in the document.
     """
 
     section: str = ""
@@ -67,11 +67,11 @@ NOWHERE = ProblemPlace()
 
 @dataclass(frozen=True)
 class Problem:
-    """Something that is wrong with a document.
+    """A problem of a document: a sentence, `words` filled in with `values`.
 
-    `words`, filled in with `values`, say it at its `place`. `names` are what the file calls the
-    parts around it, from the outside in, each as a few words. `path` leads from the place to a text
-    or a part in it; `language` is the one in which that text is missing.
+    It is corrected at `place`. `names` are those of the parts around it in the file, from the
+    outside in, each of several words. `path` leads from the place to a text or a part in it;
+    `language` is the one in which that text is missing.
     """
 
     words: str
@@ -82,36 +82,33 @@ class Problem:
     language: str = ""
 
     def __str__(self) -> str:
-        """Return the sentence for files and commands: in English, with its place."""
+        """Return the sentence in English with the names around it, for files and commands."""
         return self.sentence(str)
 
     def sentence(self, translate: Callable[[str], str]) -> str:
-        """Return the sentence that also says where."""
-        names = (" ".join(str(_said(one, translate)) for one in name) for name in self.names)
+        names = (" ".join(str(_in_words(one, translate)) for one in name) for name in self.names)
         return ": ".join([*names, self.text(translate)])
 
     def text(self, translate: Callable[[str], str]) -> str:
-        """Return what is said at its place."""
-        words = str(_said(self.words, translate))
-        values = {name: _said(value, translate) for name, value in self.values.items()}
+        """Return the sentence without names, for the page on which it is corrected."""
+        words = str(_in_words(self.words, translate))
+        values = {name: _in_words(value, translate) for name, value in self.values.items()}
         return words % values if values else words
 
 
-def _said(one: Any, translate: Callable[[str], str]) -> Any:
+def _in_words(one: Any, translate: Callable[[str], str]) -> Any:
     return translate(one) if isinstance(one, MarkedText) else one
 
 
 def within(found: Iterable[Problem], place: ProblemPlace | None, *name: Any) -> Iterator[Problem]:
-    """Yield problems of a part as those of the document around it: at a place, where they have
-    none, and under a name, if there is one.
-    """
+    """Yield a part's problems at `place` unless they have one, with a name around them, if any."""
     for one in found:
         here = place if place is not None and one.place == NOWHERE else one.place
         yield replace(one, place=here, names=(name, *one.names) if name else one.names)
 
 
 class BadDefinitionError(ValueError):
-    """A definition that cannot be used, and why: each is a problem, or a sentence."""
+    """A definition that cannot be used; `problems` are problems or sentences."""
 
     def __init__(self, problems: Iterable[Problem | str]) -> None:
         self.problems = list(problems)
@@ -119,19 +116,23 @@ class BadDefinitionError(ValueError):
 
 
 class ChangedMeanwhileError(RuntimeError):
-    """Somebody else changed the draft, or put it to use, since it was read."""
+    """Another user changed the draft, or put it to use, since it was read."""
 
 
 def spoken(text: Mapping[str, str], language: str) -> str:
-    """Return a text in a language, or in the first that it has; a definition has them all, a single
-    label may be empty.
-    """
+    """Return a text in a language, or in the first that it has; only labels may be empty."""
     return text.get(language) or next(iter(text.values()), "")
 
 
 def text_in(text: Mapping[str, str], languages: Iterable[str]) -> str:
     """Return a text in the first of these languages that has it; empty when none has."""
     return next((text[language] for language in languages if text.get(language)), "")
+
+
+def ascii_name(text: str, joint: str = "_") -> str:
+    """Return a text in lower-case ASCII, with `joint` for all but letters and digits."""
+    plain = unicodedata.normalize("NFKD", text).encode("ascii", "ignore").decode().lower()
+    return re.sub(r"[^a-z0-9]+", joint, plain).strip(joint)
 
 
 def checked(
@@ -143,24 +144,25 @@ def checked(
     kinds: Collection[str],
     kind_name: str,
 ) -> T:
-    """Return what a JSON document of at most `limit` bytes holds, when `problems_of` finds nothing
-    wrong with it. `kinds` are the tags of its parts that come in several kinds, `kind_name` is what
-    such a kind is called.
-
-    Raises:
-        BadDefinitionError: with the first hundred problems; JSON or types that are wrong end the
-            search at the first.
+    """Return the content of a JSON document of at most `limit` bytes without problems. `kinds` are
+    the tags of its parts that come in several kinds, `kind_name` is their name for people. Raises
+    BadDefinitionError with the first hundred problems, or the only one of JSON or types.
     """
     if len(document) > limit:
-        told = Problem(_("The file is larger than %(n)d kB."), {"n": limit // 1024})
-        raise BadDefinitionError([told])
+        words = _("The file is larger than %(n)d kB.")
+        raise BadDefinitionError([Problem(words, {"n": limit // 1024})])
     try:
         found = msgspec.json.decode(document, type=cls)
     except msgspec.ValidationError as error:
-        raise BadDefinitionError([_of_types(str(error), kinds, kind_name)]) from error
+        problem = Problem(f"{error}.")
+        if unknown := _UNKNOWN_KIND.match(str(error)):
+            words = _("there is no %(what)s “%(kind)s”; choose one of %(kinds)s.")
+            listed = {"what": kind_name, "kind": unknown["kind"], "kinds": ", ".join(sorted(kinds))}
+            problem = Problem(words, listed, names=((unknown["path"],),))
+        raise BadDefinitionError([problem]) from error
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        told = Problem(_("This is not valid JSON: %(error)s."), {"error": error})
-        raise BadDefinitionError([told]) from error
+        words = _("This is not valid JSON: %(error)s.")
+        raise BadDefinitionError([Problem(words, {"error": error})]) from error
     wrong = list(islice(problems_of(found), MOST_PROBLEMS + 1))
     if len(wrong) > MOST_PROBLEMS:
         wrong[-1] = Problem(_("Only the first %(n)d problems are listed."), {"n": MOST_PROBLEMS})
@@ -169,17 +171,8 @@ def checked(
     return found
 
 
-def _of_types(error: str, kinds: Collection[str], kind_name: str) -> Problem:
-    unknown = _UNKNOWN_KIND.match(error)
-    if unknown is None:
-        return Problem(f"{error}.")
-    words = _("there is no %(what)s “%(kind)s”; choose one of %(kinds)s.")
-    values = {"what": kind_name, "kind": unknown["kind"], "kinds": ", ".join(sorted(kinds))}
-    return Problem(words, values, names=((unknown["path"],),))
-
-
 def duplicates(what: str, names: Iterable[str]) -> Iterator[Problem]:
-    """Yield a problem for each name that stands more than once; `what` is so called."""
+    """Yield a problem for each name of a `what` that occurs more than once."""
     for name, count in Counter(names).items():
         if count > 1:
             words = _("%(what)s “%(name)s” appears %(n)d times.")
@@ -187,8 +180,8 @@ def duplicates(what: str, names: Iterable[str]) -> Iterator[Problem]:
 
 
 def text_problems(part: DocumentPart, name: str, languages: tuple[str, ...]) -> Iterator[Problem]:
-    """Yield what is wrong with any text inside a part: each must be there in all of the languages
-    and in no other. The paths begin in the part.
+    """Yield problems of the texts in a part: each must be in all of the languages and in no other.
+    Paths start at the part.
     """
     for called, path, text, needed in _texts(part, name, ()):
         if not needed and not any(text.values()):
@@ -198,22 +191,20 @@ def text_problems(part: DocumentPart, name: str, languages: tuple[str, ...]) -> 
                 words = _("%(text)s has no text in %(language)s.")
                 named = {"text": called, "language": language}
                 yield Problem(words, named, path=path, language=language)
-        for language, said in text.items():
+        for language, own in text.items():
             values = {"text": called, "language": language, "n": MAX_TEXT}
             if language not in languages:
                 yield Problem(_NOT_A_LANGUAGE, values)
-            if "\x00" in said:
+            if "\x00" in own:
                 yield Problem(_NULL_CHARACTER, values)
-            if len(said) > MAX_TEXT:
+            if len(own) > MAX_TEXT:
                 yield Problem(_TOO_LONG, values)
 
 
 def _texts(
     part: DocumentPart, name: str, path: tuple[str | int, ...]
 ) -> Iterator[tuple[str, tuple[str | int, ...], Text, bool]]:
-    """Yield (what it is called, path, text, whether it must be there) for every text inside a
-    part; what has a key is called by it.
-    """
+    """Yield name (a key, if there is one), path, text and whether it is required for each text."""
     for one in fields_of(type(part)):
         value, key = getattr(part, one.name), one.encode_name
         called, here = f"{name}.{key}", (*path, key)

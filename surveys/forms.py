@@ -1,4 +1,4 @@
-"""The forms with which definitions come into the database: a JSON file, or the same text."""
+"""Forms that store definitions from a JSON file or its text."""
 
 from typing import Any, ClassVar
 
@@ -32,9 +32,7 @@ format_reference = lazy(_format_reference, SafeString)
 
 
 class DocumentForm(forms.ModelForm):
-    """A definition as a JSON file, or as its text: of a questionnaire or of a study. `reference` is
-    the page of its format, `limit` its greatest size in bytes.
-    """
+    """A definition; `reference` is the page of its format, `limit` its greatest size in bytes."""
 
     reference: ClassVar[str]
     limit: ClassVar[int]
@@ -56,34 +54,26 @@ class DocumentForm(forms.ModelForm):
         self.is_new = self.instance._state.adding
 
     def sent(self) -> bytes:
-        """Return the document that was sent; empty when there was none."""
         upload, text = self.cleaned_data.get("file"), self.cleaned_data.get("document", "")
         document: bytes = text.encode() if upload is None else upload.read(self.limit + 1)
         return document if document.strip() else b""
 
     def check_version(self, slug: str, version: int) -> None:
-        """Keep an import from replacing what is there unseen, and a change from becoming something
-        else.
-
-        Raises:
-            BadDefinitionError: the version is there already, or is another than the one changed.
-        """
+        """Raise BadDefinitionError for a version that exists, or is not the one to change."""
         own = self.instance.slug, self.instance.version
         if not self.is_new and own != (slug, version):
-            told = gettext("This is version %(n)d of %(slug)s. Its name and version can't change.")
-            raise BadDefinitionError([told % {"n": own[1], "slug": own[0]}])
+            words = gettext("This is version %(n)d of %(slug)s. Its name and version can't change.")
+            raise BadDefinitionError([words % {"n": own[1], "slug": own[0]}])
         rows = type(self.instance).objects.filter(slug=slug, version=version)
         if self.is_new and rows.exists():
-            told = gettext(
+            words = gettext(
                 "Version %(n)d of %(slug)s already exists. Edit that one, or give yours another "
                 "version number."
             )
-            raise BadDefinitionError([told % {"n": version, "slug": slug}])
+            raise BadDefinitionError([words % {"n": version, "slug": slug}])
 
 
 class QuestionnaireForm(DocumentForm):
-    """A questionnaire; every problem of it is told at once."""
-
     reference, limit = "questionnaires", MAX_BYTES
 
     class Meta:
@@ -96,9 +86,7 @@ class QuestionnaireForm(DocumentForm):
             self.fields["document"].initial = to_json(self.instance.as_definition()).decode()
 
     def clean(self) -> dict[str, Any]:
-        """Store the definition. Here and not later, so that a version that was frozen a moment ago
-        is told like any other problem.
-        """
+        """Store the definition already here: that it was just frozen is an error of the form."""
         cleaned = super().clean() or self.cleaned_data
         if self.errors:
             return cleaned

@@ -1,9 +1,5 @@
-"""What every question type is made of: the base class of items, whose methods are all that the rest
-of the site knows of a type.
-
-A type is one file in surveys/questions/ with one subclass of `Item`, found by name. Its methods
-have the defaults of a question with one input on the page and one value in the answer; a type
-overrides what is otherwise.
+"""The base classes of question types, whose methods are all that the rest of the site knows of a
+type. A type is one file in surveys/questions/ with one subclass of `Item`, found by name.
 """
 
 import datetime
@@ -12,13 +8,22 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from hashlib import sha256
-from typing import Annotated, Any, ClassVar, Literal, Protocol, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
 import msgspec
 from django.utils.formats import sanitize_separators
 from django.utils.translation import gettext as _
 
-from surveys.documents import DocumentPart, Key, Problem, Text, duplicates, gettext_noop, spoken
+from surveys.documents import (
+    DocumentPart,
+    Key,
+    Problem,
+    Text,
+    duplicates,
+    fields_of,
+    gettext_noop,
+    spoken,
+)
 
 T = TypeVar("T")
 
@@ -27,6 +32,7 @@ Whole = Annotated[int, msgspec.Meta(ge=-10_000, le=10_000)]
 Order = Literal["fixed", "shuffled"]
 ScoringRule = Literal["likert", "topics", "sus", "tlx_raw"]
 Scales = Mapping[str, "tuple[ScalePoint, ...]"]
+Labelled = Sequence[tuple[str | int, Text]]
 MAX_DIGITS = 30
 NUMBER_LIMIT = 1e12
 # Hours from UTC of the places where days begin last and first.
@@ -34,18 +40,11 @@ WESTERNMOST, EASTERNMOST = -12, 14
 
 
 class RefusedError(ValueError):
-    """An answer that its question does not allow; the text is for the visitor, in the language of
-    the page.
-    """
-
-
-# --- parts of a definition ------------------------------------------------------------------------
+    """An answer that its question does not allow; says why in the language of the page."""
 
 
 class ItemCondition(DocumentPart, frozen=True, kw_only=True):
-    """`show_if`: all that is given must hold. `is` and the bounds ask the answer of the earlier
-    question `item`.
-    """
+    """`show_if`: all that is set must hold; `is` and bounds compare the answer to `item`."""
 
     robot: tuple[str, ...] = ()
     outcome: tuple[str, ...] = ()
@@ -53,6 +52,10 @@ class ItemCondition(DocumentPart, frozen=True, kw_only=True):
     one_of: tuple[str | int | float, ...] = msgspec.field(name="is", default=())
     at_least: float | None = None
     at_most: float | None = None
+
+    @property
+    def is_bounded(self) -> bool:
+        return self.at_least is not None or self.at_most is not None
 
 
 class ScalePoint(DocumentPart, frozen=True, kw_only=True):
@@ -71,16 +74,11 @@ class Option(DocumentPart, frozen=True, kw_only=True):
 
 
 class Row(DocumentPart, frozen=True, kw_only=True):
-    """A row of a grid: a question of its own. `reverse`: scores count its answer from the other
-    end of the scale.
-    """
+    """A row of a grid, a question of its own; `reverse`: scored from the other end of the scale."""
 
     key: Key
     text: Text
     reverse: bool = False
-
-
-# --- what a page draws ----------------------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -96,7 +94,7 @@ class Choice:
 
 @dataclass(frozen=True)
 class Viewing:
-    """For whom a question is drawn: language, seed of the order, and when."""
+    """For whom a question is drawn, and when; `seed` is that of the order."""
 
     language: str
     seed: int
@@ -105,11 +103,9 @@ class Viewing:
 
 @dataclass(frozen=True)
 class Widget:
-    """What a type draws. `template` gets the control, and with it this.
-
-    `style` names its class in CSS, `value` is what stands in its one input (`has_one_input`: its
-    label is the question's text), `attributes` are those of the input by their names in HTML.
-    `more` is what only its own template knows.
+    """What a type draws with `template`. `style` names its class in CSS, `value` is the text of its
+    one input (`has_one_input`: its label is the question's text), `attributes` are those of the
+    input by their names in HTML, `more` is only for its own template.
     """
 
     template: str
@@ -122,39 +118,27 @@ class Widget:
     is_scale: bool = False
 
 
-# --- what a bot reads -----------------------------------------------------------------------------
-
-
-class Bot(Protocol):
-    """A bot that fills in a page, `experiments.bots.answers.Answering`."""
-
-    def answer(self, asked: Any) -> list[tuple[str, str]]:
-        """Return what is sent for one field, from its control in HTML alone."""
-
-    def option(self, name: str, count: int) -> int:
-        """Return which of `count` options without an order is chosen."""
-
-
-# --- items ----------------------------------------------------------------------------------------
-
-
 class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
-    """What every item says. Who may decline says so here; an optional item may
-    also be left empty.
+    """What all items have. The defaults are those of a question with one input on the page and one
+    value in the answer. `prefer_not` and `not_applicable` offer reasons for not answering; an
+    optional item may also be left empty.
     """
 
-    # What the editor calls it; empty is the name of the type.
+    # What the editor calls it (empty: the name of the type), and the labels and hints of the fields
+    # that only this type has.
     plain_name: ClassVar[Any] = ""
+    labels: ClassVar[Mapping[str, Any]] = {}
+    hints: ClassVar[Mapping[str, Any]] = {}
     # One value of several is sent for the question; else a second one is refused.
     takes_several: ClassVar[bool] = False
-    # A reason for no answer is one of the choices, sent in the same field; else it stands beside.
+    # A reason for no answer is one of the choices, sent in the same field; else it is beside them.
     has_reason_choices: ClassVar[bool] = False
-    # What somebody writes may begin with the mark of a reason, and may tell who they are: exports
-    # leave it out unless asked.
+    # Its text may begin with the mark of a reason, and may identify the respondent: exports leave
+    # it out unless requested.
     is_free_text: ClassVar[bool] = False
     # `show_if` may compare its answer with bounds.
     is_number: ClassVar[bool] = False
-    # Its text and hint stand above several questions, which have keys of their own.
+    # Its text and hint are shown above several questions, which have keys of their own.
     is_group: ClassVar[bool] = False
     # The rules of scoring that take its answers.
     scored_by: ClassVar[Collection[ScoringRule]] = ()
@@ -169,119 +153,81 @@ class Item(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
 
     @property
     def kind(self) -> str:
-        """The name of its type in a definition."""
         return str(self.__struct_config__.tag)
 
-    # what it is made of
-
-    def rows_asked(self) -> tuple[Row | None, ...]:
-        """Return its questions: None is the item itself."""
+    def rows_asked(self, seed: int | None = None) -> Sequence[Row | None]:
+        """Return its questions in the order of a seed, or as written; None is the item itself."""
         return (None,)
 
-    def rows_shown(self, seed: int) -> Sequence[Row | None]:
-        """Return its questions in the order shown."""
-        return self.rows_asked()
+    def keys_asked(self, seed: int | None = None) -> list[str]:
+        return [self.key if row is None else row.key for row in self.rows_asked(seed)]
 
     def points(self, scales: Scales) -> tuple[ScalePoint, ...]:
-        """Return the points of its scale; none without one, or when it names none that is there."""
+        """Return the points of its scale; none without one, or when there is none of its name."""
         return ()
 
-    def own_texts(self) -> Iterator[Text]:
-        """Yield what is shown beside text, hint and scale."""
-        yield from ()
-
     def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield what is wrong with it, beside what types and texts tell."""
+        """Yield its problems, except those of types and texts."""
         yield from ()
-
-    # answers
-
-    def values_sent(self, key: str, fields: Mapping[str, Sequence[str]]) -> Sequence[str]:
-        """Return what a page sent for a question, in order; empty values are left out later."""
-        return fields.get(key, ())
 
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> Any:
-        """Return the value to be stored (int, float, str, list of str) of what the page sent, which
-        is not empty.
-
-        Raises:
-            RefusedError: when the question does not allow it.
+        """Return the value to be stored (int, float, str, list of str) for the values that the page
+        sent, of which none is empty. Raises RefusedError when the question does not allow it.
         """
         raise NotImplementedError
 
-    def labelled_values(
-        self, points: Sequence[ScalePoint]
-    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
-        """Return all values that can be chosen, with their labels; none where they are not listed.
-        Tables count them, and `show_if` may only expect one of them.
-        """
+    def sent(self, value: Any) -> list[str]:
+        if isinstance(value, list):
+            return list(value)
+        return [plain(value) if isinstance(value, float) else str(value)]
+
+    def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
+        """Return all values that tables count and `show_if` may expect; none where not listed."""
         return ()
 
     def compared(self, value: Any) -> Any:
-        """Return what of a stored value `show_if` compares and tables count; of a list, each part
-        counts.
-        """
-        return value
-
-    def expected(self, value: str | float) -> str | float:
-        """Return how the page sends an answer that `show_if` names."""
+        """Return what `show_if` compares and tables count; each part of a list counts."""
         return value
 
     def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
         """Return the numbers that an answer can be, rising, where a score takes them."""
         return ()
 
-    def is_reversed(self, row: Row | None) -> bool:
-        """Tell whether scores count the answer to one of its questions from the other end."""
-        return False
-
     def ends(self, points: Sequence[ScalePoint]) -> tuple[Text, Text]:
-        """Return what the least and the greatest number are called on the page."""
+        """Return the labels of the least and the greatest number on the page."""
         return {}, {}
 
-    def cell(self, value: Any) -> Any:
-        """Return a stored value as one cell of a table."""
-        return value
-
-    def columns(self, key: str) -> tuple[str, ...]:
-        """Return the columns of an answer in tables with a line a response."""
-        return (key,)
-
-    def column_labels(self) -> tuple[Text, ...]:
-        """Return what each of these columns is about, beside the question."""
-        return ({},)
+    def columns(self, key: str) -> Mapping[str, Text]:
+        """Return the columns in tables with a line a response, with labels among several."""
+        return {key: {}}
 
     def cells(self, value: Any) -> tuple[Any, ...]:
-        """Return what stands in these columns for a stored value; None is no answer."""
-        return ("" if value is None else self.cell(value),)
-
-    # pages
-
-    def sent(self, value: Any) -> list[str]:
-        """Return a stored value as the page would send it."""
-        return [str(value)]
+        """Return the cells of these columns for a stored value; None is no answer."""
+        return ("" if value is None else one_cell(value),)
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
         """Return what the page draws; `chosen` is what the page would send now."""
         raise NotImplementedError
 
-    def joins(self, before: "Item") -> bool:
-        """Tell whether it stands in one frame with the item before it."""
-        return False
-
-    # bots
-
-    @classmethod
-    def bot_answer(cls, fields: Sequence[Any], bot: Bot) -> list[tuple[str, str]]:
-        """Return what a bot sends for the fields of one question (experiments.bots.page.Field),
-        without those of reasons.
-        """
-        return [pair for one in fields for pair in bot.answer(one)]
+    def entry(
+        self,
+        chosen: Sequence[str],
+        attributes: Mapping[str, Any],
+        template: str = "surveys/_entry.html",
+        **more: Any,
+    ) -> Widget:
+        """Return a widget that is one input; attributes that are None are left out."""
+        return Widget(
+            template,
+            self.kind,
+            value=chosen[0] if chosen else "",
+            attributes={name: str(one) for name, one in attributes.items() if one is not None},
+            more=more,
+            has_one_input=True,
+        )
 
 
 class ScaleItem(Item, frozen=True, kw_only=True):
-    """An item whose answers are points of a scale of the questionnaire."""
-
     has_reason_choices: ClassVar[bool] = True
     is_number: ClassVar[bool] = True
     scored_by: ClassVar[Collection[ScoringRule]] = ("likert", "topics", "sus")
@@ -289,100 +235,65 @@ class ScaleItem(Item, frozen=True, kw_only=True):
     scale: str
 
     def points(self, scales: Scales) -> tuple[ScalePoint, ...]:
-        """Return the points of its scale."""
         return scales.get(self.scale, ())
 
     def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield that its scale is not there."""
         if not self.points(scales):
             yield Problem(gettext_noop("Choose a scale."), names=(("scale", self.scale),))
 
     def parse(self, question: "Question", values: Sequence[str], now: datetime.datetime) -> int:
-        """Return the value of the point."""
         return one_of({str(point.value): point.value for point in question.points}, values[0])
 
-    def labelled_values(
-        self, points: Sequence[ScalePoint]
-    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
-        """Return the points."""
+    def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
         return [(point.value, point.label) for point in points]
 
     def score_values(self, points: Sequence[ScalePoint]) -> Sequence[int]:
-        """Return the values of the points."""
         return [point.value for point in points]
 
     def ends(self, points: Sequence[ScalePoint]) -> tuple[Text, Text]:
-        """Return the labels of the first and the last point."""
         return (points[0].label, points[-1].label) if points else ({}, {})
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return the points as a line of choices."""
-        named = all(spoken(point.label, viewing.language) for point in question.points)
-        choices = tuple(
-            Choice(
-                str(point.value),
-                spoken(point.label, viewing.language),
-                str(point.value) in chosen,
-                number="" if named else str(point.value),
-            )
-            for point in question.points
+        """Return the points as a line of choices; with numbers where not all have a label."""
+        labels = {str(one.value): spoken(one.label, viewing.language) for one in question.points}
+        named = all(labels.values())
+        choices = (
+            Choice(value, label, value in chosen, number="" if named else value)
+            for value, label in labels.items()
         )
-        return Widget("surveys/_choices.html", "scale", choices=choices, is_scale=True)
+        return Widget("surveys/_choices.html", "scale", choices=tuple(choices), is_scale=True)
 
 
 class OptionsItem(Item, frozen=True, kw_only=True):
-    """An item whose answers are among listed options."""
-
     options: tuple[Option, ...]
     order: Order = "fixed"
 
-    def own_texts(self) -> Iterator[Text]:
-        """Yield the labels of the options."""
-        yield from (option.label for option in self.options)
-
     def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield that there are no options, or two of one name."""
         if not self.options:
             yield Problem(gettext_noop("There are no options; add some."))
         yield from duplicates(gettext_noop("Option"), (option.value for option in self.options))
 
     def options_shown(self, seed: int) -> list[Option]:
-        """Return the options in the order shown; those that stand alone ("none of these") stay at
-        the end.
-        """
+        """Return the options in the order shown; those that exclude all others stay at the end."""
         usual = [option for option in self.options if not option.alone]
-        return ordered(usual, self.order, seed, f"options {self.key}") + [
-            option for option in self.options if option.alone
-        ]
+        alone = [option for option in self.options if option.alone]
+        return ordered(usual, self.order, seed, f"options {self.key}") + alone
 
-    def labelled_values(
-        self, points: Sequence[ScalePoint]
-    ) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
-        """Return the options."""
+    def labelled_values(self, points: Sequence[ScalePoint]) -> Labelled:
         return [(option.value, option.label) for option in self.options]
 
     def widget(self, question: "Question", chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return the options as choices."""
-        choices = tuple(
-            Choice(
-                option.value,
-                spoken(option.label, viewing.language),
-                option.value in chosen,
-                is_alone=option.alone,
-            )
-            for option in self.options_shown(viewing.seed)
+        language = viewing.language
+        choices = (
+            Choice(one.value, spoken(one.label, language), one.value in chosen, is_alone=one.alone)
+            for one in self.options_shown(viewing.seed)
         )
-        return Widget("surveys/_choices.html", self.kind, choices=choices)
-
-
-# --- questions ------------------------------------------------------------------------------------
+        return Widget("surveys/_choices.html", self.kind, choices=tuple(choices))
 
 
 @dataclass(frozen=True)
 class Question:
-    """What takes one answer: an item, or a row of a grid. `page` counts from 0; `points` is empty
-    without a scale.
-    """
+    """An item or a row of a grid; `page` counts from 0, `points` is empty without a scale."""
 
     page: int
     item: Item
@@ -391,56 +302,52 @@ class Question:
 
     @property
     def key(self) -> str:
-        """Under what its answer is stored."""
+        """The name under which its answer is stored."""
         return self.item.key if self.row is None else self.row.key
 
     @property
     def text(self) -> Text:
-        """Its own words; those of a grid stand above all rows."""
         return self.item.text if self.row is None else self.row.text
 
     @cached_property
-    def labelled_values(self) -> "Sequence[tuple[str | int, Mapping[str, str]]]":
-        """All values that can be chosen, with their labels."""
+    def labelled_values(self) -> Labelled:
         return self.item.labelled_values(self.points)
 
     @property
     def score_values(self) -> Sequence[int]:
-        """The numbers that an answer can be, where a score takes them."""
         return self.item.score_values(self.points)
 
     @property
     def ends(self) -> tuple[Text, Text]:
-        """What the least and the greatest of these numbers are called on the page."""
         return self.item.ends(self.points)
 
     @property
     def is_reversed(self) -> bool:
-        """Whether its definition says that scores count its answer from the other end."""
-        return self.item.is_reversed(self.row)
+        return bool(getattr(self.row or self.item, "reverse", False))
 
     def from_other_end(self, value: float) -> float:
         """Return an answer counted from the other end of its scale: least + greatest - value."""
         return self.score_values[0] + self.score_values[-1] - value
 
     def fingerprint(self, language: str) -> str:
-        """Return 12 hexadecimal digits that change with any word that is shown for it in a
-        language.
+        """Return 12 hexadecimal digits that change with any of its texts in a language. They are
+        stored with answers: the order of the texts must stay.
         """
         own = [self.item.text, self.text, self.item.hint, *(point.label for point in self.points)]
-        own += self.item.own_texts()
+        for one in fields_of(type(self.item)):
+            value = getattr(self.item, one.name)
+            if one.type == Text and one.name not in {"text", "hint"}:
+                own.append(value)
+            elif one.name == "options":
+                own += [option.label for option in value]
         return sha256("\x1f".join(text.get(language, "") for text in own).encode()).hexdigest()[:12]
-
-
-# --- what several types share ---------------------------------------------------------------------
 
 
 def ordered(things: Iterable[T], order: Order, seed: int, name: str) -> list[T]:
     """Return things as written, or shuffled by the seed that is stored with a response.
 
-    The generator of each list is seeded with the response's seed and the list's name, so that a new
-    page or option elsewhere changes no other order. Python promises that `random.Random(text)` and
-    `shuffle` give the same on every version since 3.2.
+    Each list has a generator of its own, so that a new page or option elsewhere changes no other
+    order. `random.Random(text)` and `shuffle` give the same on every version of Python since 3.2.
     """
     arranged = list(things)
     if order == "shuffled":
@@ -448,48 +355,35 @@ def ordered(things: Iterable[T], order: Order, seed: int, name: str) -> list[T]:
     return arranged
 
 
-def one_of(choices: Mapping[str, T], value: str) -> T:
-    """Return what a value that was sent stands for.
+def one_cell(value: Any) -> Any:
+    """Return a stored value as one cell of a table; several have bars between them."""
+    return "|".join(value) if isinstance(value, list) else value
 
-    Raises:
-        RefusedError: when it is not among the choices.
-    """
+
+def one_of(choices: Mapping[str, T], value: str) -> T:
+    """Return the choice for a sent value; raises RefusedError when there is none."""
     if value not in choices:
         raise RefusedError(_("Choose one of the options offered."))
     return choices[value]
 
 
 def parsed_number(value: str) -> float:
-    """Return a number that was written with a point or the language's own decimal mark.
-
-    Raises:
-        RefusedError: when it is none, or too large to be meant.
-    """
+    """Return a number with a point or local decimal mark; raises RefusedError for others."""
+    number = float("nan")
     try:
-        number = (
-            float(sanitize_separators(value))
-            if len(value) <= MAX_DIGITS and "_" not in value
-            else float("nan")
-        )
+        if len(value) <= MAX_DIGITS and "_" not in value:
+            number = float(sanitize_separators(value))
     except ValueError as error:
         if "," in value:
             raise RefusedError(_("Use a decimal point and no comma: 0.6, or 1000.")) from error
-        raise RefusedError(_("Enter a number.")) from error
     if not abs(number) < NUMBER_LIMIT:
         raise RefusedError(_("Enter a number."))
     return number
 
 
 def plain(number: float) -> str:
-    """Return a number without needless decimals."""
     return str(int(number)) if number == int(number) else str(number)
 
 
 def day_at(now: datetime.datetime, hours: int) -> datetime.date:
-    """Return which day it is at a place so many hours from UTC."""
     return now.astimezone(datetime.timezone(datetime.timedelta(hours=hours))).date()
-
-
-def first_choice(chosen: Sequence[str]) -> str:
-    """Return what stands in the one input of a question."""
-    return chosen[0] if chosen else ""

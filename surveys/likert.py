@@ -1,20 +1,18 @@
-"""Summaries of statements on a scale, as the paper's table of results has them. Pure: numbers in,
-numbers out.
+"""Summaries of statements on a scale, as in table 5 of Melendez-Fernandez et al. (2017).
 
-The unit is the respondent (Melendez-Fernandez et al., 2017, table 5; the definition is ours,
-because the text gives none):
+The paper gives no definition; ours is:
 
-- the percentages pool all answers of a row;
+- percentages pool all answers of a row;
 - mean, standard deviation (n - 1) and confidence intervals are those of the *respondents'* scores,
-  a respondent's score being the mean over the row's statements that they answered;
+  each the mean of the row's statements that the respondent answered;
 - the half-width of an interval is c * SD / sqrt(n), with c of the normal distribution ("normal",
-  which reproduces the published half-width) or of Student's t with n - 1 degrees of freedom ("t",
-  for new studies).
+  which reproduces the published half-width) or of Student's t with n - 1 degrees of freedom ("t").
 """
 
 import math
+import statistics
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -25,15 +23,14 @@ from surveys.documents import spoken
 
 Interval = Literal["normal", "t"]
 Answers = Mapping[str, int | None]
+Kind = Literal["overall", "topic", "statement"]
 
 
 @dataclass(frozen=True)
 class Summary:
-    """One row.
-
-    Counts and percentages are in the order of the scale; percentages are None without answers.
-    `positive` is the percentage above `neutral`, `nonpositive` the rest. `mean` is None without
-    respondents, `sd` and the half-widths below two of them.
+    """One row. Counts and percentages are in the order of the scale; percentages are None without
+    answers. `positive` is the percentage above `neutral`. `mean` is None without respondents, `sd`
+    and the half-widths below two of them.
     """
 
     respondents: int
@@ -45,7 +42,6 @@ class Summary:
     ci95: float | None
     ci99: float | None
     positive: float | None
-    nonpositive: float | None
 
 
 def summarise(
@@ -56,55 +52,45 @@ def summarise(
     interval: Interval,
     neutral: float = 0.0,
 ) -> Summary:
-    """Return the row of one or several statements.
+    """Return the row that pools one or several statements.
 
     Args:
-        responses: a mapping a respondent, from statement to value of the scale; None or no entry is
-            a missing answer.
-        statements: which of them the row pools.
-        scale: the values that there are, rising.
-        interval: of which distribution the intervals are.
+        responses: for each respondent, values of the scale by statement; None or no entry is a
+            missing answer.
+        statements: the keys to pool.
+        scale: its values, rising.
+        interval: the distribution of the intervals.
         neutral: answers above it count as positive.
 
     Raises:
-        ValueError: when an answer is no value of the scale.
+        ValueError: an answer is no value of the scale.
     """
-    given = [
-        [value for key in statements if (value := answers.get(key)) is not None]
-        for answers in responses
-    ]
-    given = [values for values in given if values]
+    found = [[answers.get(key) for key in statements] for answers in responses]
+    given = [[value for value in values if value is not None] for values in found]
     counts = Counter(value for values in given for value in values)
-    if set(counts) - set(scale):
-        raise ValueError(f"answers outside the scale: {sorted(set(counts) - set(scale))}")
-    total = counts.total()
-    scores = [math.fsum(values) / len(values) for values in given]
+    if outside := sorted(set(counts) - set(scale)):
+        raise ValueError(f"answers outside the scale: {outside}")
+    scores = [statistics.fmean(values) for values in given if values]
     mean, sd = mean_and_sd(scores)
-    above = (
-        100.0 * sum(n for value, n in counts.items() if value > neutral) / total if total else None
-    )
+    total = counts.total()
+    above = sum(n for value, n in counts.items() if value > neutral)
     return Summary(
         respondents=len(scores),
         answers=total,
         counts=tuple(counts[value] for value in scale),
-        percentages=tuple(100.0 * counts[value] / total for value in scale) if total else None,
+        percentages=tuple(100.0 * counts[one] / total for one in scale) if total else None,
         mean=mean,
         sd=sd,
         ci95=half_width(sd, len(scores), 0.95, interval),
         ci99=half_width(sd, len(scores), 0.99, interval),
-        positive=above,
-        nonpositive=None if above is None else 100.0 - above,
+        positive=100.0 * above / total if total else None,
     )
 
 
 def mean_and_sd(scores: Sequence[float]) -> tuple[float | None, float | None]:
-    """Return mean and standard deviation (n - 1) of scores; None where there are too few."""
-    if not scores:
-        return None, None
-    mean = math.fsum(scores) / len(scores)
-    if len(scores) == 1:
-        return mean, None
-    return mean, math.sqrt(math.fsum((score - mean) ** 2 for score in scores) / (len(scores) - 1))
+    """Return mean and standard deviation (n - 1); None where there are too few scores."""
+    mean = statistics.fmean(scores) if scores else None
+    return mean, statistics.stdev(scores) if len(scores) > 1 else None
 
 
 def half_width(sd: float | None, n: int, level: float, interval: Interval) -> float | None:
@@ -118,16 +104,13 @@ def half_width(sd: float | None, n: int, level: float, interval: Interval) -> fl
     return quantile * sd / math.sqrt(n)
 
 
-# --- the table of a questionnaire -----------------------------------------------------------------
-
-
 @dataclass(frozen=True)
 class LikertRow:
-    """A row of the table. `key` is empty for the overall row; `statements` are the keys that it
-    pools. `is_reversed`: of one statement, which is reverse-coded.
+    """A row of the table, which pools `statements` (keys). `key` is empty for the overall row;
+    `is_reversed` means a single, reverse-coded statement.
     """
 
-    kind: Literal["overall", "topic", "statement"]
+    kind: Kind
     key: str
     label: str
     statements: tuple[str, ...]
@@ -143,43 +126,29 @@ def likert_table(
     interval: Interval,
     overall: str,
 ) -> list[LikertRow]:
-    """Return the rows of the table.
-
-    Args:
-        definition: a questionnaire whose scoring is `likert`.
-        responses: a mapping a respondent, from statement to value, as `Definition.coded` gives it;
-            None or no entry is a missing answer.
-        language: of the labels.
-        interval: `normal` as the paper, `t` for new studies.
-        overall: the label of the first row.
-
-    Raises:
-        ValueError: when the questionnaire has no statements on one scale.
+    """Return the rows of a questionnaire from values of `Definition.coded`, with labels in a
+    language; `overall` is that of the first row. Raises ValueError when its scoring is not
+    `likert`.
     """
     if definition.scoring != "likert":
         raise ValueError(f"{definition.slug} is not scored as statements on one scale")
-    statements = definition.scored
-    scale = list(statements[0].score_values)
+    scale = definition.scored[0].score_values
     neutral = (scale[0] + scale[-1]) / 2.0
-    rows: list[tuple[Literal["overall", "topic", "statement"], str, str, tuple[str, ...]]] = [
-        ("overall", "", overall, tuple(question.key for question in statements)),
-        *(
-            ("topic", topic.key, spoken(topic.text, language), topic.items)
-            for topic in definition.topics
-        ),
-        *(
-            ("statement", question.key, spoken(question.text, language), (question.key,))
-            for question in statements
-        ),
-    ]
     return [
         LikertRow(
-            kind,
-            key,
-            label,
-            keys,
+            *(kind, key, label, keys),
             summarise(responses, keys, scale, interval=interval, neutral=neutral),
             is_reversed=kind == "statement" and key in definition.reversed,
         )
-        for kind, key, label, keys in rows
+        for kind, key, label, keys in _rows(definition, language, overall)
     ]
+
+
+def _rows(
+    definition: Definition, language: str, overall: str
+) -> Iterator[tuple[Kind, str, str, tuple[str, ...]]]:
+    yield "overall", "", overall, tuple(question.key for question in definition.scored)
+    for topic in definition.topics:
+        yield "topic", topic.key, spoken(topic.text, language), topic.items
+    for question in definition.scored:
+        yield "statement", question.key, spoken(question.text, language), (question.key,)

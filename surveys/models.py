@@ -14,9 +14,7 @@ SEED_LIMIT = 2**31
 
 
 class Questionnaire(models.Model):
-    """One version of a questionnaire. Once somebody began to answer it, it never changes: a change
-    is a new version.
-    """
+    """One version of a questionnaire; it never changes after its first response began."""
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
     slug = models.SlugField(_("name"), max_length=40)
@@ -26,8 +24,7 @@ class Questionnaire(models.Model):
     sha256 = models.CharField(max_length=64, editable=False)
     created_at = models.DateTimeField(_("imported"))
     frozen_at = models.DateTimeField(_("in use since"), null=True, blank=True)
-    # What became of each part of another system's file (surveys.importing.report); None for a
-    # questionnaire that was written here.
+    # An ImportReport (surveys.importing.report); None for a questionnaire that was written here.
     import_report = models.JSONField(_("import report"), null=True, editable=False)
 
     class Meta:
@@ -42,16 +39,14 @@ class Questionnaire(models.Model):
         return f"{self.title} · {self.slug} {self.version}"
 
     def as_definition(self) -> Definition:
-        """Return what it asks."""
         return from_stored(self.definition)
 
 
 class Response(models.Model):
-    """One respondent's way through one questionnaire in one context, from the first page to the
-    last.
+    """The answers of one respondent to one questionnaire in one context.
 
-    The respondent is a user, or a key that whoever asks has given an anonymous one. The context is
-    the asker's business: an opaque key (a step of a study and its session), and a label for people.
+    The respondent is a user, or has an anonymous key. The context is an opaque key (a step of a
+    study and its session), with a label for people.
     """
 
     id = models.UUIDField(primary_key=True, default=uuid.uuid4, editable=False)
@@ -69,8 +64,8 @@ class Response(models.Model):
     respondent_key = models.CharField(
         _("anonymous respondent"), max_length=64, blank=True, db_index=True
     )
-    # Questionnaire's name, respondent and context in one hash: unique on every database, so that
-    # nobody answers twice.
+    # A hash of questionnaire's name, respondent and context: unique on every database, so that no
+    # respondent answers twice.
     slot = models.CharField(max_length=64, unique=True, editable=False)
     context = models.CharField(_("context"), max_length=200, db_index=True)
     context_label = models.CharField(_("asked in"), max_length=200, blank=True)
@@ -80,7 +75,7 @@ class Response(models.Model):
     back_to = models.CharField(max_length=500, blank=True, editable=False)
     seed = models.BigIntegerField(_("order seed"))
     language = models.CharField(_("language"), max_length=16)
-    # How many pages were left behind, however often somebody went back since.
+    # The number of pages done; going back does not lower it.
     reached = models.PositiveIntegerField(_("pages done"), default=0)
     started_at = models.DateTimeField(_("started"), db_index=True)
     seen_at = models.DateTimeField(_("last seen"))
@@ -96,34 +91,26 @@ class Response(models.Model):
 
     @property
     def respondent(self) -> str:
-        """Who answers: a user's id or the anonymous key."""
         return str(self.user_id) if self.user_id is not None else self.respondent_key
 
     @property
     def circumstances(self) -> Circumstances:
-        """What is known beside the answers."""
         return Circumstances(robot=frozenset(self.robot), outcome=self.outcome)
 
     def given(self) -> dict[str, AnswerValue]:
-        """Return what is stored, by question."""
         return {row.item: row.given for row in self.answers.only("item", "value", "missing")}
 
     def response_statuses(
         self, definition: Definition, stored: dict[str, AnswerValue]
     ) -> dict[str, AnswerValue]:
-        """Return how every question stands, from what is stored: its value, or
-        why there is none.
-        """
         reached = self.reached if self.finished_at is None else len(definition.pages)
         return response_statuses(definition, stored, self.circumstances, reached)
 
 
 class Answer(models.Model):
-    """What was said to one question: `value`, or in `missing` the reason why there is none."""
+    """The answer to one question: `value`, or in `missing` the reason why there is none."""
 
     class Reason(models.TextChoices):
-        """Why there is no value."""
-
         SKIPPED = Missing.SKIPPED.value, _("skipped")
         PREFERRED_NOT = Missing.PREFERRED_NOT.value, _("preferred not to answer")
         NOT_APPLICABLE = Missing.NOT_APPLICABLE.value, _("not applicable")
@@ -136,14 +123,12 @@ class Answer(models.Model):
     value = models.JSONField(_("value"), null=True)
     missing = models.CharField(_("missing"), max_length=16, choices=Reason, blank=True)
     language = models.CharField(_("language"), max_length=16)
-    # Of the words that were shown (Question.fingerprint): a correction of one language's text can
-    # be told from the text before.
+    # Question.fingerprint of the texts that were shown.
     text_version = models.CharField(_("text version"), max_length=12)
     position = models.PositiveIntegerField(_("position"))
     # Seconds of attention as the page measured them, None without JavaScript.
     seconds = models.FloatField(_("seconds"), null=True)
-    # Which page load wrote it, and as which of its writings: an old request that arrives late
-    # changes nothing.
+    # The page load that saved it, and the number of its request: one that arrives late is ignored.
     writer = models.CharField(max_length=32, blank=True, editable=False)
     writing = models.BigIntegerField(default=0, editable=False)
     first_at = models.DateTimeField(_("first answered"))
@@ -160,7 +145,4 @@ class Answer(models.Model):
 
     @property
     def given(self) -> AnswerValue:
-        """What was said."""
-        return AnswerValue(
-            value=self.value, missing=Missing(self.missing) if self.missing else None
-        )
+        return AnswerValue(self.value, Missing(self.missing) if self.missing else None)

@@ -1,9 +1,9 @@
-"""What is wrong with a questionnaire that somebody wrote, and where it is corrected."""
+"""Problems of questionnaires, and where they are corrected."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from surveys.definition import Definition
+from surveys.definition import Definition, Page
 from surveys.documents import Problem, ProblemPlace, checked, duplicates, text_problems, within
 from surveys.documents import gettext_noop as _
 from surveys.item import Item, ItemCondition, Question, ScalePoint
@@ -17,24 +17,20 @@ ABOUT = ProblemPlace("about")  # the questionnaire itself
 
 
 def parse(document: bytes) -> Definition:
-    """Return the definition that a JSON document holds.
-
-    Raises:
-        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
-            the first.
-    """
+    """Return the definition in JSON; raises BadDefinitionError as surveys.documents.checked."""
     return checked(
         document, Definition, problems, limit=MAX_BYTES, kinds=TYPES, kind_name=_("question type")
     )
 
 
 def problems(definition: Definition) -> Iterator[Problem]:
-    """Yield what is wrong with a definition whose types are right."""
     yield from within(_of_the_whole(definition), ABOUT)
     yield from _of_texts(definition)
     for name, points in definition.scales.items():
         yield from within(_of_scale(points), ProblemPlace("scales", name), "scale", name)
     for page in definition.pages:
+        if not page.items:
+            yield from _of_page([Problem(_("This page has no questions. Add one."))], page)
         for item in page.items:
             yield from within(item.problems(definition.scales), _place_of(item), item.key)
     yield from _of_conditions(definition)
@@ -45,16 +41,16 @@ def _place_of(item: Item) -> ProblemPlace:
     return ProblemPlace("questions", item.key)
 
 
+def _of_page(found: Iterable[Problem], page: Page) -> Iterator[Problem]:
+    return within(found, ProblemPlace("pages", page.key), "page", page.key)
+
+
 def _of_the_whole(definition: Definition) -> Iterator[Problem]:
     if not definition.pages:
         yield Problem(_("There is no page; add at least one."))
-    for page in definition.pages:
-        if not page.items:
-            found = [Problem(_("This page has no questions. Add one."))]
-            yield from within(found, ProblemPlace("pages", page.key), "page", page.key)
     yield from duplicates(_("Page"), (page.key for page in definition.pages))
     items = [item for page in definition.pages for item in page.items]
-    keys = [item.key if row is None else row.key for item in items for row in item.rows_asked()]
+    keys = [key for item in items for key in item.keys_asked()]
     groups = [item.key for item in items if item.is_group]
     yield from duplicates(_("Name in the data"), keys + groups)
     if len(keys) > MAX_QUESTIONS:
@@ -95,34 +91,27 @@ def _of_scale(points: Sequence[ScalePoint]) -> Iterator[Problem]:
 
 def _of_conditions(definition: Definition) -> Iterator[Problem]:
     known: dict[str, Question] = {}
-    for index, page in enumerate(definition.pages):
+    for page in definition.pages:
         found = within(_of_condition(page.show_if, known), None, "show_if")
-        yield from within(found, ProblemPlace("pages", page.key), "page", page.key)
+        yield from _of_page(found, page)
         here: dict[str, Question] = {}
         for item in page.items:
-            # On a shuffled page nothing is surely earlier; a later page always is.
-            reach = known if page.order == "shuffled" else {**known, **here}
+            # The order of a shuffled page is not known; a later page always is later.
+            reach = known if page.order == "shuffled" else known | here
             found = within(_of_condition(item.show_if, reach), None, "show_if")
             yield from within(found, _place_of(item), item.key)
-            here |= {
-                question.key: question
-                for question in definition.questions()
-                if question.page == index and question.item.key == item.key
-            }
+            here |= {key: definition.by_key[key] for key in item.keys_asked()}
         known |= here
 
 
 def _of_condition(
-    condition: ItemCondition | None, earlier: dict[str, Question]
+    condition: ItemCondition | None, earlier: Mapping[str, Question]
 ) -> Iterator[Problem]:
     if condition is None:
         return
-    asks_answer = (
-        bool(condition.one_of) or condition.at_least is not None or condition.at_most is not None
-    )
     if not (condition.robot or condition.outcome or condition.item):
         yield Problem(_("Choose when it is shown, or remove the condition."))
-    if bool(condition.item) != asks_answer:
+    if bool(condition.item) != (bool(condition.one_of) or condition.is_bounded):
         yield Problem(_("Choose both an earlier question and answers to it."))
     elif condition.item and condition.item not in earlier:
         words = _("The condition refers to a question that does not come earlier.")
@@ -137,51 +126,44 @@ def _of_expected(condition: ItemCondition, question: Question) -> Iterator[Probl
         words = _("The condition expects an answer that the question doesn't offer.")
         others = (value for value in condition.one_of if value not in possible)
         yield from (Problem(words, names=(("is", value),)) for value in others)
-    bounded = condition.at_least is not None or condition.at_most is not None
-    if bounded and not question.item.is_number:
+    if condition.is_bounded and not question.item.is_number:
         yield Problem(_("Only the answer to a number question has a minimum or maximum."))
 
 
 def _of_scoring(definition: Definition) -> Iterator[Problem]:
-    by_key = {question.key: question for question in definition.questions()}
+    yield from _of_topics(definition)
+    yield from _of_reversed(definition)
+    scored = [list(question.score_values) for question in definition.scored]
+    percents = [values for values in scored if values[:1] + values[-1:] == [0, 100]]
+    match definition.scoring:
+        case "likert" if len({tuple(values) for values in scored}) != 1:
+            yield Problem(_("A mean of all statements needs statements on one scale."))
+        case "sus" if scored != [[1, 2, 3, 4, 5]] * SUS_ITEMS:
+            yield Problem(_("The SUS needs ten statements on a scale from 1 to 5."))
+        case "tlx_raw" if len(scored) != TLX_ITEMS or len(percents) != TLX_ITEMS:
+            yield Problem(_("The raw NASA-TLX needs six sliders from 0 to 100."))
+
+
+def _of_topics(definition: Definition) -> Iterator[Problem]:
+    are_scales = definition.scoring == "topics"
+    if are_scales and not definition.topics:
+        yield Problem(_("A mean of each topic needs topics. Add them."))
     for topic in definition.topics:
-        for key in topic.items:
-            if key not in by_key or not _may_be_in_topic(definition, by_key[key]):
+        found = {key: definition.question(key) for key in topic.items}
+        for key, question in found.items():
+            if question is None or not _may_be_in_topic(definition, question):
                 words = _("A topic has a question that it can't use.")
                 yield Problem(words, names=(("topic", topic.key), (key,)))
-    yield from _of_topics_as_scales(definition, by_key)
-    yield from _of_reversed(definition)
-    scored = [question.score_values for question in definition.scored]
-    if definition.scoring == "likert" and len({tuple(values) for values in scored}) != 1:
-        yield Problem(_("A mean of all statements needs statements on one scale."))
-    if definition.scoring == "sus" and not (
-        len(scored) == SUS_ITEMS and all(list(values) == [1, 2, 3, 4, 5] for values in scored)
-    ):
-        yield Problem(_("The SUS needs ten statements on a scale from 1 to 5."))
-    if definition.scoring == "tlx_raw" and not (
-        len(scored) == TLX_ITEMS and all(_is_percent(values) for values in scored)
-    ):
-        yield Problem(_("The raw NASA-TLX needs six sliders from 0 to 100."))
+        values = {tuple(one.score_values) for one in found.values() if one is not None}
+        if are_scales and len(values) != 1:
+            words = _("The questions of a topic need the same scale.")
+            yield Problem(words, names=(("topic", topic.key),))
 
 
 def _may_be_in_topic(definition: Definition, question: Question) -> bool:
     if definition.scoring == "topics":
         return "topics" in question.item.scored_by and bool(question.score_values)
     return bool(question.points)
-
-
-def _of_topics_as_scales(
-    definition: Definition, by_key: Mapping[str, Question]
-) -> Iterator[Problem]:
-    if definition.scoring != "topics":
-        return
-    if not definition.topics:
-        yield Problem(_("A mean of each topic needs topics. Add them."))
-    for topic in definition.topics:
-        values = {tuple(by_key[key].score_values) for key in topic.items if key in by_key}
-        if len(values) != 1:
-            words = _("The questions of a topic need the same scale.")
-            yield Problem(words, names=(("topic", topic.key),))
 
 
 def _of_reversed(definition: Definition) -> Iterator[Problem]:
@@ -199,7 +181,3 @@ def _of_reversed(definition: Definition) -> Iterator[Problem]:
         if words:
             place = _place_of(question.item)
             yield Problem(words, place=place, names=((question.key,), ("reverse",)))
-
-
-def _is_percent(values: Sequence[int]) -> bool:
-    return bool(values) and (values[0], values[-1]) == (0, 100)

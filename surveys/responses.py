@@ -1,14 +1,14 @@
-"""Responses: begun once a respondent and context, saved question by question, left page by page,
-finished once.
+"""Responses: begun once for a respondent and context, saved question by question or page by page,
+and finished once.
 
-Everything here can be asked twice with the same result. Nothing rests on transactions: rows are
-unique, and updates say what they expect to find.
+Every function can be called twice with the same result. Nothing relies on transactions: rows are
+unique, and updates name the state that they expect.
 """
 
 import datetime
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -23,18 +23,16 @@ MAX_SECONDS = 24 * 3600.0
 
 
 class ClosedError(Exception):
-    """The response is finished: it takes no more answers."""
+    """The response is finished and takes no more answers."""
 
 
 class NotAskedError(Exception):
-    """Not a question that this respondent is asked now: unknown, hidden, or on a page that was not
-    reached.
-    """
+    """This respondent is not asked the question now: it is unknown, hidden, or on a later page."""
 
 
 @dataclass(frozen=True)
 class Respondent:
-    """Who answers: a user, or an anonymous key of at most 64 characters."""
+    """A user, or an anonymous key of at most 64 characters."""
 
     user: Any = None
     key: str = ""
@@ -45,14 +43,13 @@ class Respondent:
 
     @property
     def name(self) -> str:
-        """Its part of the slot."""
         return f"user:{self.user.pk}" if self.user is not None else f"key:{self.key}"
 
 
 @dataclass(frozen=True)
 class Context:
-    """In what somebody is asked. `key` is opaque, `robot` the words by which the robot goes;
-    `return_to` and `back_to` are paths of this site.
+    """What a respondent is asked in. `key` is opaque, `robot` has the robot's names; `return_to`
+    and `back_to` are paths of this site.
     """
 
     key: str
@@ -65,8 +62,8 @@ class Context:
 
 @dataclass(frozen=True)
 class Saving:
-    """What comes with a saved answer: its time, the language shown, seconds of attention by
-    question, and who writes for the how-manieth time.
+    """How answers are saved: when, in the language shown, with seconds of attention by question;
+    `writer` is the page load that saves them, `writing` counts its requests.
     """
 
     now: datetime.datetime
@@ -78,16 +75,13 @@ class Saving:
 
 @dataclass(frozen=True)
 class PageResult:
-    """What became of a page that was sent: errors by question, and whether answers made more
-    questions appear on it.
-    """
+    """Errors of a sent page by question, and whether its answers made more questions appear."""
 
     errors: dict[str, str]
     more_appeared: bool
 
     @property
     def is_done(self) -> bool:
-        """Whether the respondent goes on."""
         return not self.errors and not self.more_appeared
 
 
@@ -100,19 +94,14 @@ def begin(
     seed: int,
     now: datetime.datetime,
 ) -> Response:
-    """Return the response of a respondent in a context, made at the first call; a later call never
-    changes what was recorded then.
-
-    A response that was begun with an older version of the questionnaire goes on with that version.
-
-    Raises:
-        BadDefinitionError: when the questionnaire is a template.
+    """Return the response of a respondent in a context, made at the first call and not changed by
+    later ones, even with a newer version of the questionnaire. Raises BadDefinitionError when the
+    questionnaire is a template.
     """
-    slot = hashlib.sha256(
-        json.dumps([questionnaire.slug, respondent.name, context.key]).encode()
-    ).hexdigest()
-    found = Response.objects.filter(slot=slot).select_related("questionnaire").first()
-    if found is not None:
+    parts = [questionnaire.slug, respondent.name, context.key]
+    slot = hashlib.sha256(json.dumps(parts).encode()).hexdigest()
+    rows = Response.objects.select_related("questionnaire")
+    if found := rows.filter(slot=slot).first():
         return found
     frozen = freeze(questionnaire, now)
     fields = {
@@ -130,7 +119,6 @@ def begin(
         "started_at": now,
         "seen_at": now,
     }
-    rows = Response.objects.select_related("questionnaire")
     return rows.get_or_create(slot=slot, defaults=fields)[0]
 
 
@@ -141,25 +129,18 @@ def save_one(
     fields: Mapping[str, Sequence[str]],
     saving: Saving,
 ) -> AnswerValue:
-    """Store what the fields say to one question, empty or not, and return it.
+    """Store the answer to one question in the fields of a page, empty or not, and return it.
 
     Raises:
-        ClosedError: when the response is finished.
-        NotAskedError: when the question is not one of those in front of the respondent.
-        RefusedError: when the question does not allow the answer.
+        ClosedError, NotAskedError: the response is finished, or the question not on a page so far.
+        RefusedError: the question does not allow the answer.
     """
     _check_open(response)
-    question = definition.question(key)
-    stored = response.given()
-    if (
-        question is None
-        or question.page > response.reached
-        or key not in _shown(response, definition, stored)
-    ):
+    question, shown = definition.question(key), _shown(response, definition, response.given())
+    if question is None or question.page > response.reached or key not in shown:
         raise NotAskedError(key)
     given = read_answer(question, fields, saving.now)
     _write(response, definition, [(question, given)], saving)
-    _note_seen(response, saving.now)
     return given
 
 
@@ -172,94 +153,49 @@ def save_page(
     offered: Iterable[str],
     saving: Saving,
 ) -> PageResult:
-    """Store what a whole page says and tell what is still wrong; what is right is stored in any
-    case.
-
-    Args:
-        response: whose page it is.
-        definition: its questionnaire.
-        page: which page, from 0.
-        fields: the page's fields.
-        offered: keys of the questions that the respondent could see.
-        saving: when and how.
-
-    Raises:
-        ClosedError: when the response is finished.
-        NotAskedError: when the page was not reached, or fields of other questions came with it.
+    """Store the answers of a whole page (from 0) and return the errors of the others. `offered` are
+    the keys of the questions that the respondent saw. Raises ClosedError when the response is
+    finished, and NotAskedError for a later page or when `offered` has questions of other pages.
     """
     _check_open(response)
-    here = {question.key: question for question in definition.questions() if question.page == page}
+    here = {key: one for key, one in definition.by_key.items() if one.page == page}
     offered = set(offered)
     if page > response.reached or not here or offered - set(here):
         raise NotAskedError(str(page))
-    stored = response.given()
-    visible = {key: question for key, question in here.items() if key in offered}
-    told, errors = _read_page(
-        visible,
-        fields,
-        saving.now,
-        asked=lambda told: _shown(response, definition, {**stored, **told}),
-    )
-    changed = [(here[key], given) for key, given in told.items() if stored.get(key) != given]
+    stored, given, errors = response.given(), dict[str, AnswerValue](), dict[str, str]()
+    for key, question in here.items():
+        # an answer may hide questions after it
+        if key in offered and key in _shown(response, definition, stored | given):
+            try:
+                given[key] = read_answer(question, fields, saving.now)
+                check_complete(question, given[key])
+            except RefusedError as error:
+                errors[key] = str(error)
+    changed = [(here[key], one) for key, one in given.items() if stored.get(key) != one]
     _write(response, definition, changed, saving)
-    _note_seen(response, saving.now)
-    asked = set(_shown(response, definition, {**stored, **told}))
-    appeared = (asked & set(here)) - offered
+    asked = set(_shown(response, definition, stored | given))
     return PageResult(
         errors={key: text for key, text in errors.items() if key in asked},
-        more_appeared=bool(appeared),
+        more_appeared=bool((asked & set(here)) - offered),
     )
-
-
-def _read_page(
-    visible: Mapping[str, Question],
-    fields: Mapping[str, Sequence[str]],
-    now: datetime.datetime,
-    *,
-    asked: Callable[[dict[str, AnswerValue]], list[str]],
-) -> tuple[dict[str, AnswerValue], dict[str, str]]:
-    """Return what was told and what was refused, question by question: an answer may hide those
-    that follow it.
-    """
-    told: dict[str, AnswerValue] = {}
-    errors: dict[str, str] = {}
-    for key, question in visible.items():
-        if key not in asked(told):
-            continue
-        try:
-            told[key] = read_answer(question, fields, now)
-            check_complete(question, told[key])
-        except RefusedError as error:
-            errors[key] = str(error)
-    return told, errors
 
 
 def leave_page(response: Response, definition: Definition, page: int) -> int | None:
-    """Note that a page was left behind and return the next one with questions;
-    None after the last.
-    """
+    """Record that a page is done; return the next one with questions, None after the last."""
     following = next((n for n in pages_shown(response, definition) if n > page), None)
     left_behind = len(definition.pages) if following is None else following
-    Response.objects.filter(pk=response.pk, finished_at=None, reached__lt=left_behind).update(
-        reached=left_behind
-    )
+    unfinished = Response.objects.filter(pk=response.pk, finished_at=None)
+    unfinished.filter(reached__lt=left_behind).update(reached=left_behind)
     response.refresh_from_db(fields=["reached"])
     return following
 
 
 def finish(response: Response, definition: Definition, now: datetime.datetime) -> int | None:
-    """Close a response. Returns None when it is closed, or the first page on which a required
-    answer is missing.
-    """
+    """Close a response and return None, or the first page on which a required answer is missing."""
     stored = response.given()
-    asked = set(_shown(response, definition, stored))
-    for question in definition.questions():
-        given = stored.get(question.key)
-        if (
-            question.key in asked
-            and question.item.required
-            and (given is None or given.is_left_empty)
-        ):
+    for key in _shown(response, definition, stored):
+        question, given = definition.by_key[key], stored.get(key)
+        if question.item.required and (given is None or given.is_left_empty):
             return question.page
     Response.objects.filter(pk=response.pk, finished_at=None).update(
         finished_at=now, reached=len(definition.pages)
@@ -269,9 +205,7 @@ def finish(response: Response, definition: Definition, now: datetime.datetime) -
 
 
 def place(response: Response, definition: Definition) -> int | None:
-    """Return the page at which a respondent goes on, from 0: the furthest that is open; None when
-    nothing is left to ask.
-    """
+    """Return the furthest open page (from 0), at which a respondent resumes; None without one."""
     shown = pages_shown(response, definition)
     open_now = [page for page in shown if page <= response.reached]
     if response.reached < len(definition.pages) and open_now:
@@ -280,21 +214,16 @@ def place(response: Response, definition: Definition) -> int | None:
 
 
 def pages_shown(response: Response, definition: Definition) -> list[int]:
-    """Return the pages on which this respondent is asked anything, from 0, rising."""
-    asked = set(_shown(response, definition, response.given()))
-    return sorted({question.page for question in definition.questions() if question.key in asked})
+    """Return the pages on which this respondent is asked anything, from 0, in order."""
+    shown = _shown(response, definition, response.given())
+    return sorted({definition.by_key[key].page for key in shown})
 
 
 def _shown(
     response: Response, definition: Definition, stored: Mapping[str, AnswerValue]
 ) -> list[str]:
-    return shown_keys(
-        definition, {key: given.value for key, given in stored.items()}, response.circumstances
-    )
-
-
-def _note_seen(response: Response, now: datetime.datetime) -> None:
-    Response.objects.filter(pk=response.pk).update(seen_at=now)
+    values = {key: given.value for key, given in stored.items()}
+    return shown_keys(definition, values, response.circumstances)
 
 
 def _check_open(response: Response) -> None:
@@ -305,11 +234,11 @@ def _check_open(response: Response) -> None:
 def _write(
     response: Response,
     definition: Definition,
-    told: Sequence[tuple[Question, AnswerValue]],
+    answers: Sequence[tuple[Question, AnswerValue]],
     saving: Saving,
 ) -> None:
-    places = definition.positions(response.seed) if told else {}
-    for question, given in told:
+    places = definition.positions(response.seed) if answers else {}
+    for question, given in answers:
         fields: dict[str, Any] = {
             "value": given.value,
             "missing": given.missing.value if given.missing else "",
@@ -320,18 +249,15 @@ def _write(
             "writer": saving.writer,
             "writing": saving.writing,
         }
-        seconds = saving.seconds.get(question.key)
-        if seconds is not None:
+        if (seconds := saving.seconds.get(question.key)) is not None:
             elapsed = (saving.now - response.started_at).total_seconds()
             fields["seconds"] = round(min(max(seconds, 0.0), elapsed, MAX_SECONDS), 2)
-        _write_row(response, question.key, fields, saving)
-
-
-def _write_row(response: Response, key: str, fields: dict[str, Any], saving: Saving) -> None:
-    first = {"first_at": saving.now, **fields}
-    row, is_new = Answer.objects.get_or_create(response=response, item=key, defaults=first)
-    if not is_new:
-        older = Answer.objects.filter(pk=row.pk)
-        if saving.writer:
-            older = older.exclude(writer=saving.writer, writing__gte=saving.writing)
-        older.update(**fields)
+        first = {"first_at": saving.now, **fields}
+        slot = {"response": response, "item": question.key}
+        row, is_new = Answer.objects.get_or_create(**slot, defaults=first)
+        if not is_new:
+            older = Answer.objects.filter(pk=row.pk)
+            if saving.writer:
+                older = older.exclude(writer=saving.writer, writing__gte=saving.writing)
+            older.update(**fields)
+    Response.objects.filter(pk=response.pk).update(seen_at=saving.now)

@@ -1,9 +1,7 @@
-"""The pages on which people answer: one page of a questionnaire at a time, and single answers while
-they are given.
+"""The pages of a questionnaire, and saving single answers with JavaScript.
 
-Both ways take the same fields. Without JavaScript only the whole page is sent; with it, the page at
-the end repeats what was saved. Strangers sign in first; whether the response that they ask for is
-there, they do not learn.
+Both take the same fields; the page that is sent at the end repeats the answers that were saved one
+by one. A response of another user is answered like one that does not exist.
 """
 
 import datetime
@@ -12,15 +10,8 @@ from uuid import UUID
 
 import msgspec
 from django.contrib.auth.decorators import login_required
-from django.http import (
-    Http404,
-    HttpRequest,
-    HttpResponse,
-    HttpResponseBase,
-    HttpResponseRedirect,
-    JsonResponse,
-)
-from django.shortcuts import redirect, render
+from django.http import HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
+from django.shortcuts import get_object_or_404, redirect, render
 from django.utils import timezone
 from django.utils.translation import get_language
 from django.utils.translation import gettext as _
@@ -34,7 +25,7 @@ from surveys.definition import Definition, language_for
 from surveys.documents import spoken
 from surveys.item import RefusedError
 from surveys.models import Response
-from surveys.outer_progress import outer_progress_of
+from surveys.outer_progress import filled_in, outer_progress_of
 from surveys.page_form import Reader, page_form_of
 from surveys.responses import ClosedError, NotAskedError, Saving
 
@@ -47,7 +38,6 @@ ANSWERS = Attempts("survey-answer", limit=240)
 @login_required
 @require_safe
 def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
-    """Lead a respondent to where they left off, or on, when they are done."""
     row = _own_response(request, response)
     return _go_on(row, row.questionnaire.as_definition(), timezone.now())
 
@@ -56,7 +46,7 @@ def resume(request: HttpRequest, response: UUID) -> HttpResponseBase:
 @login_required
 @require_http_methods(["GET", "HEAD", "POST"])
 def page(request: HttpRequest, response: UUID, number: int) -> HttpResponseBase:
-    """Show a page, or take it; `number` counts from 1."""
+    """Show a page, or store it; `number` counts from 1."""
     row = _own_response(request, response)
     definition, now = row.questionnaire.as_definition(), timezone.now()
     if row.finished_at is not None:
@@ -64,38 +54,29 @@ def page(request: HttpRequest, response: UUID, number: int) -> HttpResponseBase:
     shown = responses.pages_shown(row, definition)
     if number - 1 not in shown or number - 1 > row.reached:
         return _go_on(row, definition, now)
-    return (
-        _take(request, row, definition, number - 1)
-        if request.method == "POST"
-        else _show(request, row, definition, number - 1)
-    )
+    handle = _take if request.method == "POST" else _show
+    return handle(request, row, definition, number - 1)
 
 
 def _take(
     request: HttpRequest, row: Response, definition: Definition, number: int
 ) -> HttpResponseBase:
-    saving = _saving(request, definition)
+    saving, offered = _saving(request, definition), request.POST.getlist("shown")
+    fields = _fields(request)
     try:
         result = responses.save_page(
-            row,
-            definition,
-            number,
-            fields=_fields(request),
-            offered=request.POST.getlist("shown"),
-            saving=saving,
+            row, definition, number, fields=fields, offered=offered, saving=saving
         )
     except NotAskedError:
         return render(request, "surveys/refused.html", {"response": row}, status=REFUSED)
     if request.POST.get("go") == "back":
-        return _back(row, definition, number)
+        # What was filled in so far is saved, and need not be complete.
+        earlier = [n for n in responses.pages_shown(row, definition) if n < number]
+        return redirect("survey_page", row.pk, (earlier[-1] if earlier else number) + 1)
     if not result.is_done:
         return _show(request, row, definition, number, result=result)
     following = responses.leave_page(row, definition, number)
-    return (
-        redirect("survey_page", row.pk, following + 1)
-        if following is not None
-        else _finish(row, definition, saving.now)
-    )
+    return _to_page(row, definition, following, saving.now)
 
 
 def _show(
@@ -117,6 +98,8 @@ def _show(
     )
     earlier = [n for n in shown if n < number]
     outer = outer_progress_of(row, get_language() or "")
+    if outer is not None and outer.fill is not None:
+        definition = filled_in(definition, outer.fill)
     context: dict[str, Any] = {
         "response": row,
         "form": page_form_of(definition, number, reader, shown),
@@ -135,88 +118,60 @@ def _show(
 @require_POST
 @limited(ANSWERS, json=True)
 def answer(request: HttpRequest, response: UUID) -> JsonResponse:
-    """Save one answer while the page is filled in. Says `saved`, or in `error` why not."""
     if not request.user.is_authenticated:
-        return JsonResponse(
-            {"saved": False, "error": _("You are logged out. Log in again to continue.")},
-            status=SIGNED_OUT,
-        )
+        return _not_saved(_("You are logged out. Log in again to continue."), SIGNED_OUT)
     row = _own_response(request, response)
-    definition = row.questionnaire.as_definition()
+    definition, item = row.questionnaire.as_definition(), request.POST.get("item", "")
     try:
-        responses.save_one(
-            row,
-            definition,
-            request.POST.get("item", ""),
-            _fields(request),
-            _saving(request, definition),
-        )
+        saving = _saving(request, definition)
+        responses.save_one(row, definition, item, _fields(request), saving)
     except ClosedError:
-        return JsonResponse(
-            {"saved": False, "error": _("This questionnaire is already closed.")}, status=CLOSED
-        )
+        return _not_saved(_("This questionnaire is already closed."), CLOSED)
     except NotAskedError:
-        return JsonResponse(
-            {"saved": False, "error": _("This question isn't on your page. Reload the page.")},
-            status=REFUSED,
-        )
+        return _not_saved(_("This question isn't on your page. Reload the page."), REFUSED)
     except RefusedError as error:
-        return JsonResponse({"saved": False, "error": str(error)}, status=WRONG)
+        return _not_saved(str(error), WRONG)
     return JsonResponse({"saved": True})
+
+
+def _not_saved(error: str, status: int) -> JsonResponse:
+    return JsonResponse({"saved": False, "error": error}, status=status)
 
 
 @never_cache
 @login_required
 @require_safe
 def done(request: HttpRequest, response: UUID) -> HttpResponseBase:
-    """Thank whoever was asked outside of anything that goes on."""
     row = _own_response(request, response)
     definition = row.questionnaire.as_definition()
     if row.finished_at is None:
         return redirect("survey", row.pk)
-    return render(
-        request,
-        "surveys/done.html",
-        {"response": row, "title": spoken(definition.title, _language(definition))},
-    )
+    title = spoken(definition.title, _language(definition))
+    return render(request, "surveys/done.html", {"response": row, "title": title})
 
 
 def _own_response(request: HttpRequest, pk: UUID) -> Response:
-    """Return a response of whoever asks and is signed in; for all others it is not there.
-
-    Raises:
-        Http404: when there is none, or it is somebody else's.
-    """
-    row = Response.objects.select_related("questionnaire").filter(pk=pk).first()
-    if row is None or row.user_id is None or row.user_id != request.user.pk:
-        raise Http404
-    return row
+    rows = Response.objects.select_related("questionnaire").exclude(user=None)
+    return get_object_or_404(rows, pk=pk, user_id=request.user.pk)
 
 
-def _go_on(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseRedirect:
+def _go_on(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseBase:
     if row.finished_at is not None:
         return _away(row)
-    number = responses.place(row, definition)
-    return (
-        redirect("survey_page", row.pk, number + 1)
-        if number is not None
-        else _finish(row, definition, now)
-    )
+    return _to_page(row, definition, responses.place(row, definition), now)
 
 
-def _back(row: Response, definition: Definition, number: int) -> HttpResponseRedirect:
-    """Go to the page before; what was filled in so far is saved, and need not be complete."""
-    earlier = [n for n in responses.pages_shown(row, definition) if n < number]
-    return redirect("survey_page", row.pk, (earlier[-1] if earlier else number) + 1)
+def _to_page(
+    row: Response, definition: Definition, number: int | None, now: datetime.datetime
+) -> HttpResponseBase:
+    """Redirect to a page (from 0); without one finish, or to where a required answer is missing."""
+    if number is None:
+        number = responses.finish(row, definition, now)
+    return _away(row) if number is None else redirect("survey_page", row.pk, number + 1)
 
 
-def _finish(row: Response, definition: Definition, now: datetime.datetime) -> HttpResponseRedirect:
-    gap = responses.finish(row, definition, now)
-    return _away(row) if gap is None else redirect("survey_page", row.pk, gap + 1)
-
-
-def _away(row: Response) -> HttpResponseRedirect:
-    return HttpResponseRedirect(row.return_to) if row.return_to else redirect("survey_done", row.pk)
+def _away(row: Response) -> HttpResponseBase:
+    return redirect(row.return_to) if row.return_to else redirect("survey_done", row.pk)
 
 
 def _language(definition: Definition) -> str:
@@ -228,18 +183,15 @@ def _fields(request: HttpRequest) -> dict[str, list[str]]:
 
 
 def _saving(request: HttpRequest, definition: Definition) -> Saving:
-    """Return what the page says about this saving; what is malformed there is left out, because no
-    answer depends on it.
-    """
+    """Return how the page saves; malformed fields are left out, because no answer needs them."""
     writing = request.POST.get("writing", "")
+    is_number = writing.isascii() and writing.isdigit() and len(writing) <= MAX_WRITER // 2
     return Saving(
         now=timezone.now(),
         language=_language(definition),
         seconds=_seconds(request.POST.get("seconds", "")),
         writer=request.POST.get("writer", "")[:MAX_WRITER],
-        writing=int(writing)
-        if writing.isascii() and writing.isdigit() and len(writing) <= MAX_WRITER // 2
-        else 0,
+        writing=int(writing) if is_number else 0,
     )
 
 

@@ -19,11 +19,15 @@ from django.core.checks import (
     Warning,  # noqa: A004 -- Django's name
     register,
 )
+from django.db import connections
+from django.db.migrations.loader import MigrationLoader
+from django.db.migrations.recorder import MigrationRecorder
 
 from robots.api.disk_space import MIB, DiskSpace
 from robots.ice import relays_by_region
 
 LEAST_TOKEN = 24  # characters
+LAST_BEFORE_SQUASH = "49d7e7bb"  # has every migration that a later one replaces
 LOOPBACK_NAMES = {"localhost", "127.0.0.1", "[::1]", "::1", "testserver"}
 MQTT_SCHEMES = {"mqtt", "mqtts", "ws", "wss"}
 ENCRYPTED_SCHEMES = {"mqtts", "wss"}
@@ -308,6 +312,33 @@ def check_demo(**_: Any) -> list[CheckMessage]:
     ]
 
 
+def check_squashed_migrations(*, databases: list[str] | None, **_: Any) -> list[CheckMessage]:
+    """A database has applied all or none of the migrations that another replaces (E010). Django
+    alone would skip both, and `migrate` would report success.
+    """
+    squashed = [
+        migration
+        for migration in MigrationLoader(None, ignore_no_migrations=True).disk_migrations.values()
+        if migration.replaces
+    ]
+    found: list[CheckMessage] = []
+    for alias in databases or ():
+        applied = MigrationRecorder(connections[alias]).applied_migrations()
+        found += [
+            Error(
+                f"The database has only some of the migrations that {migration} replaces.",
+                hint=f"Check out commit {LAST_BEFORE_SQUASH}, run manage.py migrate there, then"
+                " check out this version and run it again. No data is lost.",
+                id="telepresence.E010",
+            )
+            for migration in squashed
+            if 0
+            < sum(replaced in applied for replaced in migration.replaces)
+            < len(migration.replaces)
+        ]
+    return found
+
+
 ALWAYS: dict[str, tuple[Callable[..., list[CheckMessage]], ...]] = {
     "telepresence": (
         check_disk,
@@ -319,6 +350,7 @@ ALWAYS: dict[str, tuple[Callable[..., list[CheckMessage]], ...]] = {
         check_proxies,
     ),
     Tags.security: (check_mqtt, check_plain_http),
+    Tags.database: (check_squashed_migrations,),  # run by manage.py migrate
 }
 ON_A_SERVER = (
     check_secret_key,

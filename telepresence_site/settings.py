@@ -233,6 +233,7 @@ LANGUAGES = [("en", "English"), ("es", "Español")]
 LOCALE_PATHS = [BASE_DIR / "locale", BASE_DIR / "locale" / "libraries"]
 TIME_ZONE = env.text("TIME_ZONE", "UTC")
 USE_TZ = True
+FORMAT_MODULE_PATH = ["telepresence_site.formats"]  # times with their zone
 USE_I18N = True
 
 STATIC_URL = "static/"

@@ -5,6 +5,7 @@ from django.conf import settings
 from django.contrib import admin
 from django.urls import include, path
 
+from experiments.wizard.views import console
 from telepresence_site.ops import health, metrics
 from telepresence_site.web import pages, reference_pages
 
@@ -28,11 +29,9 @@ urlpatterns = [
     path("", include("robots.urls")),
     path("", include("sessions.urls")),
     path("", include("surveys.urls")),
-    path("", include("experiments.research.analysis_urls")),
     path("", include("experiments.urls")),
     path("", include("experiments.research.urls")),
-    path("", include("experiments.wizard.urls")),
-    path("", include("experiments.research.coding_urls")),
+    path("studies/<slug:slug>/wizard/", console, name="study_wizard"),
 ]
 
 if settings.DEMO_TOKEN:

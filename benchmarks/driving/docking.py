@@ -67,7 +67,7 @@ def study_run(world: TrueWorld, seed: int, people: int) -> tuple[str, float]:
         None,
     )
     if mirror is not None:
-        rig.navigator.goto_place("mirror")
+        rig.navigator.goto(mirror.x, mirror.y, mirror.theta)
         done = rig.run(TIMEOUT)
         if (
             math.dist((mirror.x, mirror.y), sim.pose[:2]) > AT

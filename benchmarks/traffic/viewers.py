@@ -12,15 +12,18 @@ import random
 import time
 
 import msgspec
+from websockets.asyncio.client import ClientConnection
+from websockets.asyncio.server import broadcast
+from websockets.exceptions import WebSocketException
 
 from benchmarks.traffic import worker
 from benchmarks.traffic.every import Timers
-from experiments.bots.socket import Socket, SocketClosed
+from experiments.bots.browser import open_websocket
 from robots.agent.media.webrtc.aiortc_hooks import ask_key_frame
 from robots.api import messages as m
 from robots.api.codec import encode_frame
 from sessions import protocol
-from sessions.sfu.broadcast import Tell, ToSfu
+from sessions.sfu.broadcast import Send, ToSfu
 from tests.support.media.sfu_rig import SfuPage
 
 BLIND = 2.0  # s without another picture, or since the SFU hung up, until the next attempt
@@ -64,7 +67,7 @@ class LightViewer:
     def __init__(self, url: str, cookie: str) -> None:
         self._url = url
         self._headers = {"Cookie": f"sessionid={cookie}", "Origin": url.partition("/ws/")[0]}
-        self._socket: Socket | None = None
+        self._socket: ClientConnection | None = None
         self._watches, self._asked_at = False, 0.0
         self.page = WatchingPage(self)
 
@@ -72,11 +75,11 @@ class LightViewer:
         """Connect, and again whenever the connection is lost, for ever."""
         while True:
             try:
-                self._socket = await Socket.connect(self._url, self._headers)
+                self._socket = await open_websocket(self._url, self._headers)
                 self._say("session/observe", protocol.Observe())
                 while True:
-                    self._hear(await self._socket.receive())
-            except (SocketClosed, OSError, TimeoutError):
+                    self._hear(await self._socket.recv())
+            except (WebSocketException, OSError):
                 self._socket, self._watches = None, False
             await asyncio.sleep(random.uniform(*AGAIN))
 
@@ -100,7 +103,7 @@ class LightViewer:
 
     # --- what a page asks of its server -----------------------------------------------------------
 
-    def join(self, _peer: str, tell: Tell) -> None:
+    def join(self, _peer: str, tell: Send) -> None:
         """Have the page told what the SFU says."""
         self._tell = tell
 
@@ -113,7 +116,7 @@ class LightViewer:
 
     def _say(self, suffix: str, message: m.Message) -> None:
         if self._socket is not None:
-            self._socket.send(encode_frame(suffix, message))
+            broadcast([self._socket], encode_frame(suffix, message))  # without waiting, as a page
 
 
 class Viewers:
@@ -136,7 +139,7 @@ class Viewers:
         return len(self._viewers)
 
     def all_saw(self, since: float) -> bool:
-        """Tell whether each of them has seen a picture after a moment."""
+        """Send whether each of them has seen a picture after a moment."""
         return all(viewer.page.seen[-1:] > [since] for viewer in self._viewers)
 
     def seen(self) -> list[list[float]]:

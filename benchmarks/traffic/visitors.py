@@ -21,10 +21,13 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import msgspec
+from websockets.asyncio.client import ClientConnection
+from websockets.asyncio.server import broadcast
+from websockets.exceptions import ConnectionClosed, WebSocketException
 
 from benchmarks.traffic import worker
 from benchmarks.traffic.every import Timers
-from experiments.bots.socket import Socket, SocketClosed
+from experiments.bots.browser import open_websocket
 from robots.api import messages as m
 from robots.api.codec import encode_frame
 from sessions import protocol
@@ -72,7 +75,7 @@ class LightVisitor:
         self._url, self._stays, self._told, self._timers, self._rng = url, stays, told, timers, rng
         self._headers = {"Cookie": f"sessionid={cookie}", "Origin": url.partition("/ws/")[0]}
         self._said = msgspec.json.Decoder(Said)
-        self._socket: Socket | None = None
+        self._socket: ClientConnection | None = None
         self._session: str | None = None
         self._peer: str | None = None
         self._epoch = self._seq = self._beats = self._state = 0
@@ -88,12 +91,12 @@ class LightVisitor:
         self._ring()
         while True:
             try:
-                self._socket = await Socket.connect(self._url, self._headers)
+                self._socket = await open_websocket(self._url, self._headers)
                 self._say("session/take", protocol.Take(session=self._session, peer=self._peer))
                 while True:
-                    self._hear(await self._socket.receive())
-            except (SocketClosed, OSError, TimeoutError) as error:
-                self._told.counts[f"closed_{getattr(error, 'code', 'unreachable')}"] += 1
+                    self._hear(await self._socket.recv())
+            except (WebSocketException, OSError) as error:
+                self._told.counts[f"closed_{_code_of(error)}"] += 1
             self._socket, self.drives = None, False
             await asyncio.sleep(self._rng.uniform(*AGAIN))
 
@@ -223,7 +226,13 @@ class LightVisitor:
 
     def _say(self, suffix: str, message: m.Message) -> None:
         if self._socket is not None:
-            self._socket.send(encode_frame(suffix, message))
+            broadcast([self._socket], encode_frame(suffix, message))  # without waiting, as a page
+
+
+def _code_of(error: Exception) -> int | str:
+    if not isinstance(error, ConnectionClosed):
+        return "unreachable"
+    return error.rcvd.code if error.rcvd is not None else 1006
 
 
 class Visitors:

@@ -1,7 +1,7 @@
-"""A report as a page needs it: what is printed in each cell, and the sessions behind it by the
-number of their set. Files name conditions by their keys, pages by their titles.
+"""A report as files for a page: the text of each cell, and the number of its set of
+sessions. Files name conditions by their keys, pages by their titles.
 
-<selection>/page/summary.json        tables without their rows, figures with what is behind each
+<selection>/page/summary.json        tables without their rows, figures with the sessions of each
 part, verdicts, sessions <selection>/page/sets.json           sets of sessions, by number
 <selection>/page/table-<name>.json   rows of a table: [text, number of the set or null] a cell
 """
@@ -11,72 +11,57 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments.analysis.tables.table import Table
+from experiments.analysis.tables.table import SessionSets, Table
 
-if TYPE_CHECKING:  # it draws with matplotlib, which whoever only reads a page does not need
+if TYPE_CHECKING:  # it imports matplotlib, which readers of a page do not need
+    from experiments.analysis.figures.drawing import Drawing
     from experiments.analysis.report import Report
 
 PAGE = "page"
-LAYOUT = 6  # of these files; a report whose page has another one is made again
+LAYOUT = 7  # of these files; a report whose page has another one is made again
 OF_CONDITIONS = frozenset({"Condition", "condition"})  # columns that hold keys of conditions
 REMARKS = "Remark"  # the column whose parts begin with a key, and a colon
 
 
 def write_page(found: "Report", folder: Path) -> None:
-    """Write what the page needs of a report into its folder."""
-    sets: dict[tuple[str, ...], int] = {}
-    for name, content in _files(found, sets):
+    for name, content in _files(found, SessionSets()):
         path = folder / PAGE / f"{name}.json"
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(
-            json.dumps(content, ensure_ascii=False, separators=(",", ":")),
-            encoding="utf-8",
-            newline="",
-        )
+        text = json.dumps(content, ensure_ascii=False, separators=(",", ":"))
+        path.write_text(text, encoding="utf-8", newline="")
 
 
-def _files(found: "Report", sets: dict[tuple[str, ...], int]) -> Iterator[tuple[str, Any]]:
-    def place(sessions: tuple[str, ...]) -> int | None:
-        return sets.setdefault(tuple(dict.fromkeys(sessions)), len(sets)) if sessions else None
-
+def _files(found: "Report", sets: SessionSets) -> Iterator[tuple[str, Any]]:
     for table in found.tables:
-        yield (
-            f"table-{table.name}",
+        rows = [
             [
-                [
-                    (_shown(head, cell.text, found.titles), at)
-                    for head, cell, at in zip(
-                        table.head, row, [place(cell.sessions) for cell in row], strict=True
-                    )
-                ]
-                for row in table.rows
-            ],
-        )
-    figures = [
-        {
-            "name": one.name,
-            "title": one.title,
-            "notes": one.numbers.notes,
-            "empty": is_empty(one.numbers),
-            "behind": {gid: place(ids) for gid, ids in one.behind.items()},
-        }
-        for one in found.figures
-    ]
-    yield (
-        "summary",
-        {
-            "tables": [_head(table, found.titles) for table in found.tables],
-            "figures": figures,
-            "sessions": _sessions(found),
-        },
-    )
+                (_shown(head, cell.text, found.titles), sets.number(cell.sessions))
+                for head, cell in zip(table.head, row, strict=True)
+            ]
+            for row in table.rows
+        ]
+        yield f"table-{table.name}", rows
+    summary = {
+        "tables": [_head(table, found.titles) for table in found.tables],
+        "figures": [_figure(one, sets) for one in found.figures],
+        "sessions": _sessions(found),
+    }
+    yield "summary", summary
     yield "sets", list(sets)
 
 
+def _figure(one: "Drawing", sets: SessionSets) -> dict[str, Any]:
+    return {
+        "name": one.name,
+        "title": one.title,
+        "notes": one.numbers.notes,
+        "empty": is_empty(one.numbers),
+        "behind": {gid: sets.number(ids) for gid, ids in one.behind.items()},
+    }
+
+
 def is_empty(table: Table) -> bool:
-    """Tell whether a table says nothing: it has no rows, or is one of numbers without a number in
-    it that is known and not 0.
-    """
+    """Tell whether a table has no rows, or numbers of which none is known and not 0."""
     cells = [cell for row in table.rows for cell in row]
     is_of_numbers = any(cell.value is not None for cell in cells)
     return not cells or (is_of_numbers and not any(cell.value or cell.sessions for cell in cells))
@@ -101,9 +86,7 @@ def _shown(head: str, text: str, titles: Mapping[str, str]) -> str:
 
 
 def _named(text: str, titles: Mapping[str, str]) -> str:
-    """Return the title of a condition, or those of several in their order, for its key or their
-    keys with hyphens between; other text as it is.
-    """
+    """Return the titles of conditions for their keys, with hyphens between; other text as it is."""
     keys = text.split("-")
     return " → ".join(titles[key] for key in keys) if all(key in titles for key in keys) else text
 
@@ -115,25 +98,24 @@ def _column(name: str, titles: Mapping[str, str]) -> str:
 
 
 def _title(table: Table, titles: Mapping[str, str]) -> str:
-    """Return a table's title; a table of one condition is named for it (`table_5`)."""
+    """Return a table's title, in which a condition may be named (`table_5`)."""
     start, found, key = table.title.rstrip(".").partition(", condition ")
     return f"{start}: {_named(key, titles)}." if found else table.title
 
 
 def _sessions(found: "Report") -> dict[str, dict[str, Any]]:
-    """Every session by its code, with what a list of them shows."""
     return {
         one.session.id: {
             "participant": one.session.participant,
-            "number": one.session.number,
+            "number": one.session.visit,
             "robot": one.session.robot,
             "condition": _named(one.session.condition, found.titles),
             "outcome": one.session.outcome,
             "kind": one.session.kind,
-            "excluded": one.session.excluded or one.session.ruled_out,
-            "problems": found.verdicts[one.session.id].problems,
+            "excluded": one.session.uncounted_because,
+            "problems": list(found.problems[one.session.id].items()),
             "start": one.milestones.start if one.milestones.start == one.milestones.start else 0.0,
             "segments": [segment.start for segment in one.segments],
         }
-        for one in (*found.measured, *found.ruled_out)
+        for one in (*found.measured, *found.others)
     }

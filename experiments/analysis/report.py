@@ -8,21 +8,20 @@ same dataset gives the same bytes.
                                                        trajectory
     SHA256SUMS                                         of all of these
 
-A selection is `all`, or `without-excluded` where a researcher has excluded sessions.
+A selection is `counting`, of the drives that count in results, or `all`, where something is
+excluded: a sensitivity analysis with the excluded drives.
 """
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from experiments.analysis.dataset.levels import Kind
-from experiments.analysis.dataset.records import EVERY, WITHOUT, Dataset
 from experiments.analysis.documents.latex import as_latex, latex, runs_as_latex
-from experiments.analysis.documents.runs import Run
-from experiments.analysis.documents.sentences import sentences_of
+from experiments.analysis.documents.sentences import Decisions, Sentence, sentences_of
+from experiments.analysis.documents.typesetting import Run
 from experiments.analysis.documents.word import table_document, text_document
 from experiments.analysis.figures.drawing import Drawing, as_pdf, as_png, as_svg, drawn_of_whom
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
@@ -30,160 +29,134 @@ from experiments.analysis.figures.scores import score_figures
 from experiments.analysis.figures.trajectories import figure_6, figure_7
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured, measure_all
-from experiments.analysis.plan.exclusions import (
-    excluded_participants,
-    exclusions,
-    exclusions_table,
-)
-from experiments.analysis.plan.hypotheses import hypotheses_table, marked_figure, marked_table
+from experiments.analysis.plan import hypotheses
 from experiments.analysis.plan.reporting_sheet import reporting_sheet
-from experiments.analysis.plan.sensitivity import ALPHA, exclusion_effects
-from experiments.analysis.tables.ages import ages
-from experiments.analysis.tables.answers import compare_answers
+from experiments.analysis.tables import delays, effects, flow, paper_tables, people, summaries
 from experiments.analysis.tables.declared import declared
-from experiments.analysis.tables.effects import (
-    against_network,
-    by_network,
-    compare_conditions,
-    learning,
-    learnt,
-    outcomes_by_condition,
-)
-from experiments.analysis.tables.flow import fault_sides, flow, funnel
-from experiments.analysis.tables.paper_tables import table_1, table_3, table_4, table_5
-from experiments.analysis.tables.participant_kinds import note_of, of_whom
-from experiments.analysis.tables.people import participants_table, table_2
-from experiments.analysis.tables.reliability import QualityVerdict, judge
-from experiments.analysis.tables.safety_limits import safety_limits
 from experiments.analysis.tables.scale_reliability import reliability_table
 from experiments.analysis.tables.scores import score_tables
 from experiments.analysis.tables.software import software_table
-from experiments.analysis.tables.summaries import (
-    metrics_table,
-    segment_spreads,
-    segments_table,
-    sessions_table,
-    verdicts_table,
-)
-from experiments.analysis.tables.table import Table, as_csv
+from experiments.analysis.tables.table import SessionSets, Table, as_csv
+from experiments.dataset.counting import attempted, counting
+from experiments.dataset.levels import Kind
+from experiments.dataset.records import COUNTING, EVERY, Dataset, SessionRecord
+from experiments.definition.plan import StudyPlan
+from experiments.definition.schema import StudyDefinition
 
 _NO_TEST = "No test could be computed: there are too few cases."
 
 
 @dataclass(frozen=True)
 class Report:
-    """The tables and figures of a selection of sessions, with the sessions' numbers, those of
-    sessions that count nowhere by rule, the verdicts on their records, and what each condition is
-    called, by its key. `note` tells of whom it is where that is not participants alone.
+    """The report on a selection of drives. `problems` are the rules that records fail, by session;
+    `titles` are those of conditions, by key; `decisions` are the hypotheses on which declared tests
+    decide, none in a sensitivity analysis; `note` says what participants are, if not participants
+    alone.
     """
 
     name: str
     tables: tuple[Table, ...]
     figures: tuple[Drawing, ...]
     measured: tuple[Measured, ...]
-    ruled_out: tuple[Measured, ...]
-    verdicts: dict[str, QualityVerdict]
+    others: tuple[Measured, ...]
+    problems: dict[str, summaries.Problems]
     titles: dict[str, str]
+    alpha: float
+    decisions: Decisions = field(default_factory=dict)
     note: str = ""
 
 
 def reports(dataset: Dataset, kinds: Sequence[Kind] = ("participant",)) -> Iterator[Report]:
-    """Yield the report on all sessions that count, and the one without the excluded ones where
-    there are any.
-    """
-    every = dataset.chosen(kinds)
-    measured = measure_all(every)
-    ruled_out = measure_all(replace(dataset, sessions=every.ruled_out))
-    found = exclusions(every)
-    left_out = excluded_participants(found)
-    sheet = reporting_sheet(every, measured, found, dataset.participants)
-    about = (exclusions_table(found), sheet)
-    if not left_out and not any(session.excluded for session in every.sessions):
-        yield report(EVERY, every, measured, ruled_out, also=about)
+    """Yield the report on what counts and, if something is excluded, the sensitivity analysis."""
+    planned, every = counting(dataset, kinds), counting(dataset, kinds, with_excluded=True)
+    task_drives = replace(planned, sessions=(*planned.sessions, *planned.others), others=())
+    measured = {one.session.id: one for one in measure_all(task_drives)}
+    if [one.id for one in every.sessions] == [one.id for one in planned.sessions]:
+        yield report(planned, measured, dataset)
         return
-    without = dataset.chosen(kinds, with_excluded=False).without(left_out)
-    kept_ids = {one.id for one in without.sessions}
-    kept = [one for one in measured if one.session.id in kept_ids]
-    plan = dataset.study.plan
-    alpha = ALPHA if plan is None else plan.alpha
-    effects = exclusion_effects(declared(every, measured), declared(without, kept), alpha)
-    yield report(EVERY, every, measured, ruled_out, also=(effects, *about))
-    yield report(WITHOUT, without, kept, ruled_out, also=(effects, *about))
+    effects = hypotheses.exclusion_effects(
+        declared(planned, _measured(attempted(planned), measured)),
+        declared(every, _measured(attempted(every), measured)),
+        alpha_of(dataset.study),
+    )
+    yield report(planned, measured, dataset, effects)
+    yield report(every, measured, dataset)
+
+
+def alpha_of(study: StudyDefinition) -> float:
+    return (study.plan or StudyPlan()).alpha
+
+
+def _measured(sessions: Sequence[SessionRecord], found: Mapping[str, Measured]) -> list[Measured]:
+    return [replace(found[one.id], session=one) for one in sessions]
 
 
 def report(
-    name: str,
-    dataset: Dataset,
-    measured: Sequence[Measured],
-    ruled_out: Sequence[Measured] = (),
-    also: Sequence[Table] = (),
+    dataset: Dataset, numbers: Mapping[str, Measured], whole: Dataset, *also: Table
 ) -> Report:
-    """Return the tables and figures of a dataset whose sessions were measured, with the tables of
-    `also`, which are about all of them.
+    """Return the report on a dataset of what counts, which was chosen from `whole`. `numbers` are
+    the drives as measured, by session; `also` has more tables on exclusions.
     """
-    verdicts = {
-        one.session.id: judge(one, dataset.study.quality) for one in (*measured, *ruled_out)
-    }
-    people = dataset.participants
-    tables = tuple(
-        of_whom(marked_table(dataset.study, table), people)
-        for table in (*_tables(dataset, measured, ruled_out, verdicts), *also)
-    )
-    figures = tuple(
-        drawn_of_whom(marked_figure(dataset.study, one), people)
+    measured, others = (_measured(some, numbers) for some in (dataset.sessions, dataset.others))
+    quality = dataset.study.quality
+    problems = {one.session.id: summaries.problems_of(one, quality) for one in (*measured, *others)}
+    attempts = _measured(attempted(dataset), numbers)
+    study, tested = dataset.study, declared(dataset, attempts)
+    is_sensitivity = dataset.is_with_excluded
+    decisions = [] if is_sensitivity else hypotheses.decisions_of(study, tested)
+    tables = [*_tables(dataset, measured, others, attempts, problems), *tested]
+    if not is_sensitivity:
+        sheet = reporting_sheet(dataset, measured, whole.participants)
+        tables += [hypotheses.hypotheses_table(study, decisions), *also]
+        tables += [hypotheses.exclusions_table(dataset.exclusions), sheet]
+    tables = [hypotheses.marked_table(one, is_sensitivity=is_sensitivity) for one in tables]
+    figures = (
+        hypotheses.marked_figure(study, one, is_sensitivity=is_sensitivity)
         for one in _figures(dataset, measured)
     )
-    titles = {one.key: dataset.say(one.title) or one.key for one in dataset.study.conditions}
+    who = dataset.participants
+    notes = (people.note_of(who), hypotheses.SENSITIVITY if is_sensitivity else "")
     return Report(
-        name,
-        (*tables, software_table()),
-        figures,
-        tuple(measured),
-        tuple(ruled_out),
-        verdicts,
-        titles,
-        note_of(people),
+        name=EVERY if is_sensitivity else COUNTING,
+        tables=(*(people.of_whom(one, who) for one in tables), software_table()),
+        figures=tuple(drawn_of_whom(one, who) for one in figures),
+        measured=tuple(measured),
+        others=tuple(others),
+        problems=problems,
+        titles={one.key: dataset.say(one.title) or one.key for one in study.conditions},
+        alpha=alpha_of(study),
+        decisions=hypotheses.by_row(decisions),
+        note=" ".join(filter(None, notes)),
     )
 
 
 def _tables(
     dataset: Dataset,
     measured: Sequence[Measured],
-    ruled_out: Sequence[Measured],
-    verdicts: Mapping[str, QualityVerdict],
-) -> tuple[Table, ...]:
+    others: Sequence[Measured],
+    attempts: Sequence[Measured],
+    problems: Mapping[str, summaries.Problems],
+) -> Iterator[Table]:
     conditions = [one.key for one in dataset.study.conditions]
-    tested = declared(dataset, measured)
-    return (
-        *(table_1(dataset), table_2(dataset), table_3(dataset), table_4(dataset), table_5(dataset)),
-        *(table_5(dataset, key) for key in conditions if len(conditions) > 1),
-        *(participants_table(dataset), flow(dataset), funnel(dataset, measured)),
-        *(
-            metrics_table(measured),
-            segment_spreads(measured),
-            sessions_table(measured, verdicts),
-            segments_table(measured),
-        ),
-        *(
-            verdicts_table(measured, verdicts, ruled_out),
-            outcomes_by_condition(dataset, measured),
-            fault_sides(dataset),
-            compare_conditions(dataset, measured),
-        ),
-        *(
-            compare_answers(dataset),
-            *score_tables(dataset),
-            reliability_table(dataset),
-            against_network(measured),
-            by_network(measured),
-            ages(dataset, measured),
-            safety_limits(dataset, measured),
-            learning(measured),
-            learnt(measured),
-            *tested,
-            hypotheses_table(dataset, tested),
-        ),
-    )
+    all_drives = (*measured, *others)
+    yield from (paper_tables.table_1(dataset), people.table_2(dataset))
+    yield from (paper_tables.table_3(dataset), paper_tables.table_4(dataset))
+    for condition in (None, *(conditions if conditions[1:] else ())):
+        yield paper_tables.table_5(dataset, condition)
+    yield from (people.participants_table(dataset), flow.flow(dataset), flow.orders(dataset))
+    yield from (flow.funnel(dataset, all_drives), summaries.metrics_table(measured))
+    yield summaries.segment_spreads(measured)
+    yield summaries.sessions_table(all_drives, problems)
+    yield summaries.segments_table(measured)
+    yield summaries.verdicts_table(measured, problems, others)
+    yield flow.fault_sides(dataset)
+    yield effects.outcomes_by_condition(dataset, attempts)
+    yield effects.compare_conditions(dataset, attempts)
+    yield paper_tables.compare_answers(dataset)
+    yield from (*score_tables(dataset), reliability_table(dataset))
+    yield from (effects.against_network(measured), effects.by_network(measured))
+    yield from (delays.ages(dataset, measured), delays.safety_limits(dataset, measured))
+    yield from (effects.learning(measured), effects.learnt(measured))
 
 
 def _figures(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Drawing]:
@@ -226,31 +199,37 @@ def analyse(
 
 def write(found: Report, folder: Path, *, png: bool = True) -> Iterator[Path]:
     """Write a report into a folder, and yield each file once it is written."""
+    for name, content in _files(found, png=png):
+        path = folder / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_bytes(content)
+        yield path
+
+
+def _files(found: Report, *, png: bool) -> Iterator[tuple[str, bytes]]:
     for table in found.tables:
-        yield _file(folder / "tables" / f"{table.name}.csv", as_csv(table).encode())
-        yield _file(folder / "tables" / f"{table.name}.tex", as_latex(table).encode())
-        yield _file(folder / "tables" / f"{table.name}.docx", table_document(table))
+        yield f"tables/{table.name}.csv", as_csv(table).encode()
+        yield f"tables/{table.name}.tex", as_latex(table).encode()
+        yield f"tables/{table.name}.docx", table_document(table)
     for drawing in found.figures:
-        yield _file(folder / "figures" / f"{drawing.name}.svg", as_svg(drawing))
-        yield _file(folder / "figures" / f"{drawing.name}.pdf", as_pdf(drawing))
+        yield f"figures/{drawing.name}.svg", as_svg(drawing)
+        yield f"figures/{drawing.name}.pdf", as_pdf(drawing)
         if png:
-            yield _file(folder / "figures" / f"{drawing.name}.png", as_png(drawing))
-        yield _file(folder / "figures" / f"{drawing.name}.csv", as_csv(drawing.numbers).encode())
+            yield f"figures/{drawing.name}.png", as_png(drawing)
+        yield f"figures/{drawing.name}.csv", as_csv(drawing.numbers).encode()
     for kind, content in _results(found).items():
-        yield _file(folder / f"results.{kind}", content)
-    yield _file(folder / "sources.json", json.dumps(sources(found), indent=1).encode() + b"\n")
+        yield f"results.{kind}", content
+    yield "sources.json", json.dumps(sources(found), indent=1).encode() + b"\n"
 
 
 def _results(found: Report) -> dict[str, bytes]:
-    """Return the sentences on all tests below the titles of their tables, by kind of file."""
+    """Return the sentences on all tests, by kind of file: those that decide on hypotheses first."""
     text, tex, paragraphs = list[str](), list[str](), list[tuple[Run, ...]]()
-    for table in found.tables:
-        sentences = list(sentences_of(table))
-        if sentences:
-            text += [table.title, *(one.text for one in sentences), ""]
-            bold = rf"\paragraph{{{latex(table.title)}}}"
-            tex += [bold, *(f"{runs_as_latex(one.runs)}\n" for one in sentences)]
-            paragraphs += [(Run(table.title, italic=True),), *(one.runs for one in sentences)]
+    for title, sentences in _sections(found):
+        text += [title, *(one.text for one in sentences), ""]
+        bold = rf"\paragraph{{{latex(title)}}}"
+        tex += [bold, *(f"{runs_as_latex(one.runs)}\n" for one in sentences)]
+        paragraphs += [(Run(title, italic=True),), *(one.runs for one in sentences)]
     if not text:
         text, tex, paragraphs = [_NO_TEST], [_NO_TEST], [(Run(_NO_TEST),)]
     if found.note:
@@ -263,33 +242,32 @@ def _results(found: Report) -> dict[str, bytes]:
     }
 
 
-def _file(path: Path, content: bytes) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(content)
-    return path
+def _sections(found: Report) -> Iterator[tuple[str, list[Sentence]]]:
+    status = "sensitivity analysis" if found.name == EVERY else "exploratory"
+    sentences = [
+        (table.title.removesuffix("."), one)
+        for table in found.tables
+        for one in sentences_of(table, found.alpha, found.decisions)
+    ]
+    planned = sorted((one for _, one in sentences if one.hypothesis), key=lambda it: it.hypothesis)
+    if planned:
+        yield "Hypotheses of the plan.", planned
+    for title in dict.fromkeys(title for title, _ in sentences):
+        own = [one for other, one in sentences if other == title and not one.hypothesis]
+        if own:
+            yield f"{title} ({status}).", own
 
 
 def sources(found: Report) -> dict[str, Any]:
-    """Return which sessions are behind every cell (table, row, column) and every part of a figure
-    (figure, gid).
-
-    Sets of sessions are written once, in `sets`, and named by their place there, because many cells
-    share one.
-    """
-    sets: dict[tuple[str, ...], int] = {}
-
-    def place(sessions: tuple[str, ...]) -> int:
-        return sets.setdefault(tuple(dict.fromkeys(sessions)), len(sets))
-
+    """Return the sessions behind every cell and every part of a figure, by their set's number."""
+    sets = SessionSets()
     tables = {
-        table.name: [
-            [place(cell.sessions) if cell.sessions else None for cell in row] for row in table.rows
-        ]
+        table.name: [[sets.number(cell.sessions) for cell in row] for row in table.rows]
         for table in found.tables
         if table.name not in {"sessions", "segments"}  # a row of these names its session
     }
     figures = {
-        drawing.name: {gid: place(ids) for gid, ids in drawing.behind.items()}
+        drawing.name: {gid: sets.number(ids) for gid, ids in drawing.behind.items()}
         for drawing in found.figures
     }
     return {

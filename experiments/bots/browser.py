@@ -1,6 +1,4 @@
-"""A bot's browser as far as HTTP goes: cookies, redirects, forms with their tokens. What it does
-not understand it says.
-"""
+"""A bot's browser: cookies, redirects, forms with their tokens, and WebSockets."""
 
 import http.client
 import http.cookiejar
@@ -8,25 +6,26 @@ import time
 import urllib.error
 import urllib.parse
 import urllib.request
-from collections.abc import Iterable
+import urllib.response
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from experiments.bots import page
-from experiments.bots.page import HtmlForm, HtmlPage
+from websockets.asyncio.client import ClientConnection, connect
 
-TIMEOUT = 300.0  # of patience, also where a computer has other work
-TOO_MANY = 429
-PATIENCE = 12  # attempts while the site says that too many come at once
+from experiments.bots.page import Button, HtmlForm, HtmlPage
+
+TIMEOUT_S = 300.0  # a busy computer answers late
+ATTEMPTS = 12  # while the site answers that there are too many requests
 AGENT = "Mozilla/5.0 (X11; Linux x86_64) TelepresenceBot/1.0"
 
 
 class BrowserError(Exception):
-    """The site could not be reached, or answered with what no visitor should see."""
+    """The site could not be reached, or answered with an error of the server."""
 
 
 @dataclass(frozen=True)
 class HttpAnswer:
-    """What came: its address after all redirects, its status, and the page."""
+    """An answer: its address after all redirects, its status, its page if it is one, its body."""
 
     url: str
     status: int
@@ -35,102 +34,97 @@ class HttpAnswer:
 
     @property
     def path(self) -> str:
-        """The address without the site."""
         return urllib.parse.urlsplit(self.url).path
 
 
-class Browser:
-    """One visitor's browser. All calls block.
+async def open_websocket(url: str, headers: Mapping[str, str]) -> ClientConnection:
+    """Open a WebSocket (address as http:// or https://) as a page does: without extensions, and
+    without pings of its own.
 
-    Args:
-        site: where the site is, such as http://127.0.0.1:8000.
-        agent: what it says of itself; research counts devices by it.
-        language: what it asks for.
+    Raises:
+        WebSocketException: the server refuses it.
+        OSError: the site cannot be reached.
+    """
+    return await connect(
+        f"ws{url.removeprefix('http')}",
+        additional_headers=headers,
+        user_agent_header=None,
+        compression=None,
+        open_timeout=30.0,
+        ping_interval=None,
+        max_size=4 * 1024 * 1024,
+        proxy=None,
+    )
+
+
+class Browser:
+    """One visitor's browser on a site such as http://127.0.0.1:8000. Its requests block. `agent` is
+    the User-Agent, by which studies count devices.
     """
 
-    def __init__(self, site: str, agent: str = AGENT, language: str = "en") -> None:
-        self.site = site.rstrip("/")
+    def __init__(self, site: str, agent: str = AGENT) -> None:
+        self.site, self._agent = site.rstrip("/"), agent
         self.jar = http.cookiejar.CookieJar()
         self._opener = urllib.request.build_opener(
             urllib.request.HTTPCookieProcessor(self.jar), urllib.request.ProxyHandler({})
         )
-        self._headers = {
-            "User-Agent": agent,
-            "Accept-Language": language,
-            "Accept": "text/html,application/json",
-        }
+        self._opener.addheaders = [
+            ("User-Agent", agent),
+            ("Accept-Language", "en"),
+            ("Accept", "text/html,application/json"),
+        ]
 
-    @property
-    def headers(self) -> dict[str, str]:
-        """What a WebSocket of this browser says when it knocks."""
+    async def websocket(self, path: str) -> ClientConnection:
         cookies = "; ".join(f"{cookie.name}={cookie.value}" for cookie in self.jar)
-        return {"Cookie": cookies, "Origin": self.site, "User-Agent": self._headers["User-Agent"]}
-
-    def get(self, address: str) -> HttpAnswer:
-        """Follow an address.
-
-        Raises:
-            BrowserError: nothing came, or an error of the server.
-        """
-        return self._ask(urllib.request.Request(self._absolute(address), headers=self._headers))
-
-    def post(self, address: str, fields: Iterable[tuple[str, str]]) -> HttpAnswer:
-        """Send fields, in order, as a form does.
-
-        Raises:
-            BrowserError: as `get`.
-        """
-        url = self._absolute(address)
-        body = urllib.parse.urlencode(list(fields)).encode()
-        request = urllib.request.Request(
-            url, data=body, headers={**self._headers, "Origin": self.site, "Referer": url}
-        )
-        return self._ask(request)
+        headers = {"Cookie": cookies, "Origin": self.site, "User-Agent": self._agent}
+        return await open_websocket(self.site + path, headers)
 
     def send(
-        self, here: HttpAnswer, form: HtmlForm, fields: Iterable[tuple[str, str]], button: int = 0
+        self,
+        here: HttpAnswer,
+        form: HtmlForm,
+        fields: Iterable[tuple[str, str]],
+        button: Button | None = None,
     ) -> HttpAnswer:
-        """Send a form of the page that one is on, with one of its buttons."""
-        pressed = form.buttons[button] if form.buttons else None
-        named = [(pressed.name, pressed.value)] if pressed is not None and pressed.name else []
-        address = (pressed.action if pressed is not None else "") or form.action
-        return self.post(urllib.parse.urljoin(here.url, address), [*form.hidden, *fields, *named])
+        """Send a form of the current page with one of its buttons, by default the first.
 
-    def _absolute(self, address: str) -> str:
-        return urllib.parse.urljoin(f"{self.site}/", address)
+        Raises:
+            BrowserError: as `open`.
+        """
+        pressed = button or next(iter(form.buttons), Button())
+        named = [(pressed.name, pressed.value)] if pressed.name else []
+        body = urllib.parse.urlencode([*form.hidden, *fields, *named]).encode()
+        return self.open(urllib.parse.urljoin(here.url, pressed.action or form.action), body)
 
-    def _ask(self, request: urllib.request.Request) -> HttpAnswer:
-        for attempt in range(1, PATIENCE + 1):
-            answer = self._once(request)
-            if answer.status != TOO_MANY:
+    def open(self, address: str, body: bytes | None = None) -> HttpAnswer:
+        """Follow an address, or send the body of a form to it.
+
+        Raises:
+            BrowserError: there is no answer, or it is an error of the server.
+        """
+        url = urllib.parse.urljoin(f"{self.site}/", address)
+        headers = {} if body is None else {"Origin": self.site, "Referer": url}
+        request = urllib.request.Request(url, body, headers)
+        for attempt in range(1, ATTEMPTS + 1):
+            try:
+                with self._opener.open(request, timeout=TIMEOUT_S) as response:
+                    return _answer(response)
+            except urllib.error.HTTPError as error:
+                with error:
+                    answer = _answer(error)
+            except (OSError, http.client.HTTPException) as error:
+                raise BrowserError(f"{url} cannot be reached: {error}") from error
+            if answer.status != http.client.TOO_MANY_REQUESTS:
                 break
             time.sleep(float(attempt))
         if answer.status >= http.client.INTERNAL_SERVER_ERROR:
-            raise BrowserError(
-                f"{request.get_method()} {answer.path} answered with status {answer.status}"
-            )
+            method = request.get_method()
+            raise BrowserError(f"{method} {answer.path} answered with status {answer.status}")
         return answer
 
-    def _once(self, request: urllib.request.Request) -> HttpAnswer:
-        try:
-            with self._opener.open(request, timeout=TIMEOUT) as response:
-                return _answer(
-                    response.url,
-                    response.status,
-                    response.headers.get_content_type(),
-                    response.read(),
-                )
-        except urllib.error.HTTPError as error:
-            return _answer(error.url, error.code, error.headers.get_content_type(), error.read())
-        except (OSError, http.client.HTTPException) as error:
-            raise BrowserError(f"{request.full_url} cannot be reached: {error}") from error
 
-
-def _answer(url: str, status: int, kind: str, body: bytes) -> HttpAnswer:
-    is_page = kind == "text/html"
-    return HttpAnswer(
-        url,
-        status,
-        page.read(body.decode(errors="replace")) if is_page else HtmlPage(),
-        b"" if is_page else body,
-    )
+def _answer(response: urllib.response.addinfourl) -> HttpAnswer:
+    body = response.read()
+    is_page = response.headers.get_content_type() == "text/html"
+    page = HtmlPage(body.decode(errors="replace") if is_page else "")
+    return HttpAnswer(response.url, response.status or 0, page, body)

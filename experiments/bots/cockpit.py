@@ -1,21 +1,27 @@
-"""A bot at the wheel: the drive page's WebSocket, with everything that a page sends of itself.
-Pictures come through the server.
+"""A bot at the controls: the drive page's WebSocket, with everything that a page sends by itself.
+Images come through the server.
 
-Heartbeats five times a second, a picture asked for as soon as the one before has come, velocities
-ten times a second while it drives, zeros when it lets go, and silence: as static/js does it,
-without WebRTC.
+Heartbeats five times a second, the next image requested when the last one has arrived, velocities
+ten times a second while the bot drives, zeros when it releases the controller, then nothing: as
+static/js does it, without WebRTC.
 """
 
 import asyncio
 import contextlib
+import math
 import time
 import uuid
 from collections.abc import Callable
+from dataclasses import dataclass, field
 from typing import Any, Self
 
+from websockets.asyncio.client import ClientConnection
+from websockets.asyncio.server import broadcast
+from websockets.exceptions import ConnectionClosed
+from websockets.frames import CloseCode
+
 from experiments.bots.browser import Browser
-from experiments.bots.socket import Socket, SocketClosed
-from experiments.bots.steering import STAND, SpeedSetting
+from experiments.bots.driver import STAND, SpeedSetting
 from experiments.bots.view import View
 from robots.api.codec import encode_frame
 from robots.api.messages import (
@@ -30,47 +36,37 @@ from robots.api.messages import (
 )
 from sessions import protocol
 
-BEAT = 0.2
+# Seconds between two of the page's messages, which a loop of ticks sends.
 TICK = 0.1
-ZEROS = 3
-# seconds between two pictures: fresh enough for full speed, and easy on a computer that has many
-# bots
-PICTURE_PERIOD = 0.25
-PICTURE_PATIENCE = 1.5
+BEAT = 0.2
 NETWORK_PERIOD = 1.0
+PICTURE_PERIOD = 0.25  # new enough for full speed, and little work for a computer with many bots
+PICTURE_PATIENCE = 1.5  # until the next image is requested though the last has not arrived
+ZEROS = 3  # velocities after the controller is released
 
 
+@dataclass(eq=False)
 class Cockpit:
-    """One connection to a robot. Use with `async with`.
-
-    Args:
-        browser: whose visitor this is.
-        address: the WebSocket's path, as the page's configuration says.
-        method: the controller that is said to be used.
-        clock: Unix seconds.
+    """One connection of a visitor's browser to a robot. Use with `async with`. `address` is the
+    WebSocket's path, `method` the controller that is reported; `clock` gives Unix seconds.
     """
 
-    def __init__(
-        self,
-        browser: Browser,
-        address: str,
-        method: InputMethod,
-        clock: Callable[[], float] = time.time,
-    ) -> None:
-        self._browser, self._address, self._method, self._clock = browser, address, method, clock
-        self.view = View()
-        # nothing that the page says of itself arrives: no heartbeat, no question for pictures
-        self.is_mute = False
-        self.closed: int | None = None
-        self._socket: Socket | None = None
-        self._tasks: list[asyncio.Task[None]] = []
-        self._changed = asyncio.Event()
-        self._seq = 0
-        self._beats = 0
-        self._zeros = 0
-        self._speed = STAND
-        self._asked_at = float("-inf")
-        self._told_first_frame = False
+    browser: Browser
+    address: str
+    method: InputMethod
+    clock: Callable[[], float] = time.time
+    view: View = field(default_factory=View)
+    is_mute: bool = False  # the page sends nothing by itself, as behind a firewall
+    closed: int | None = None  # the code with which the connection was closed
+    _socket: ClientConnection | None = None
+    _tasks: list[asyncio.Task[None]] = field(default_factory=list)
+    _changed: asyncio.Event = field(default_factory=asyncio.Event)
+    _seq: int = 0
+    _beats: int = 0
+    _zeros: int = 0
+    _speed: SpeedSetting = STAND
+    _sent_at: dict[str, float] = field(default_factory=dict)  # of messages with a period
+    _has_reported_first_frame: bool = False
 
     async def __aenter__(self) -> Self:
         await self.connect()
@@ -83,46 +79,38 @@ class Cockpit:
         """Open the connection.
 
         Raises:
-            SocketClosed: the server does not want it.
-            OSError: it cannot be reached.
+            WebSocketException: the server refuses it.
+            OSError: the site cannot be reached.
         """
-        self._socket = await Socket.connect(
-            self._browser.site + self._address, self._browser.headers
-        )
-        self.closed = None
-        self._tasks = [
-            asyncio.create_task(work())
-            for work in (self._listen, self._keep_beating, self._keep_moving)
-        ]
+        self._socket, self.closed = await self.browser.websocket(self.address), None
+        loops = (self._listen(self._socket), self._keep_sending())
+        self._tasks = [asyncio.create_task(loop) for loop in loops]
 
     async def close(self) -> None:
-        """Close the page."""
         await self._end_tasks()
         if self._socket is not None:
-            await self._socket.close()
+            await self._socket.close(CloseCode.GOING_AWAY)
 
     @property
     def is_open(self) -> bool:
-        """Tell whether the page is there and has its connection."""
         return bool(self._tasks) and self.closed is None
 
     async def lose_network(self) -> None:
-        """Be gone without a word."""
+        """Drop the connection without a close frame."""
         await self._end_tasks()
         if self._socket is not None:
-            self._socket.abort()
+            self._socket.transport.abort()
 
     async def come_back(self) -> None:
-        """Open the connection again, as the same page, and go on where the visit stands.
+        """Connect again as the same page, and continue its session.
 
         Raises:
-            SocketClosed: as `connect`.
+            WebSocketException: as `connect`.
             OSError: as `connect`.
         """
-        session, peer = self.view.session, self.view.peer
         self.view.granted, self.view.awaiting_picture = False, False
         await self.connect()
-        self._say("session/take", protocol.Take(session=session, peer=peer))
+        self._send("session/take", protocol.Take(session=self.view.session, peer=self.view.peer))
 
     async def _end_tasks(self) -> None:
         for task in self._tasks:
@@ -133,19 +121,15 @@ class Cockpit:
     # --- what the visitor does --------------------------------------------------------------------
 
     def take(self, *, takeover: bool = False) -> None:
-        """Ask for the robot; `takeover` brings a visit here that another page of
-        the visitor has.
-        """
+        """Request the robot; `takeover` moves the session of another page of the visitor here."""
         self.view.turn = False
-        self._say(
-            "session/take",
-            protocol.Take(session=self.view.session if takeover else None, takeover=takeover),
-        )
+        session = self.view.session if takeover else None
+        self._send("session/take", protocol.Take(session=session, takeover=takeover))
 
     def leave(self) -> None:
-        """Say that one is done."""
+        """End the session, or leave the queue."""
         self.steer(STAND)
-        self._say("session/leave", protocol.Leave())
+        self._send("session/leave", protocol.Leave())
 
     def steer(self, speed: SpeedSetting) -> None:
         """Hold the controller like this from now on."""
@@ -154,30 +138,29 @@ class Cockpit:
         self._speed = speed
 
     def stop(self) -> None:
-        """Press the stop button, and let go of the controller."""
+        """Press the stop button, and release the controller."""
         self.steer(STAND)
         self._seq += 1
-        self._say(
-            "command/action", Stop(action_id=uuid.uuid4().hex, stamp=self._clock(), seq=self._seq)
-        )
+        stop = Stop(action_id=uuid.uuid4().hex, stamp=self.clock(), seq=self._seq)
+        self._send("command/action", stop)
 
     def photo(self) -> str:
-        """Ask for a photo and return the action's id."""
-        action = Photo(action_id=uuid.uuid4().hex, stamp=self._clock())
-        self._say("command/action", action)
+        """Request a photo and return the action's id."""
+        action = Photo(action_id=uuid.uuid4().hex, stamp=self.clock())
+        self._send("command/action", action)
         return action.action_id
 
     def note(self, kind: str, **data: str | float | bool | None) -> None:
-        """Tell the record what happened on the page."""
-        self._say("page/event", protocol.PageEvent(stamp=self._clock(), type=kind, data=data))
+        """Report an event of the page for the record."""
+        self._send("page/event", protocol.PageEvent(stamp=self.clock(), type=kind, data=data))
 
     async def until(self, condition: Callable[[], Any], seconds: float) -> bool:
-        """Wait until a condition holds or the time is over, whichever comes first; the end of the
-        connection ends it too.
+        """Wait until a condition holds, the time is over or the connection is closed; tell whether
+        the condition holds.
         """
-        deadline = self._clock() + seconds
+        deadline = self.clock() + seconds
         while not condition():
-            left = deadline - self._clock()
+            left = deadline - self.clock()
             if left <= 0.0 or self.closed is not None:
                 return bool(condition())
             self._changed.clear()
@@ -185,78 +168,66 @@ class Cockpit:
                 await asyncio.wait_for(self._changed.wait(), min(left, 0.5))
         return True
 
-    # --- what the page does by itself -------------------------------------------------------------
+    # --- what the page sends by itself ------------------------------------------------------------
 
-    async def _listen(self) -> None:
-        assert self._socket is not None
+    async def _listen(self, socket: ClientConnection) -> None:
         try:
             while True:
-                self.view.take(await self._socket.receive(), self._clock())
-                self._tell_first_frame()
+                self.view.take(await socket.recv(), self.clock())
+                self._report_first_frame()
                 self._changed.set()
-        except SocketClosed as closed:
-            self.closed = closed.code
+        except ConnectionClosed:
+            self.closed = socket.close_code or CloseCode.ABNORMAL_CLOSURE
             self._changed.set()
 
-    def _tell_first_frame(self) -> None:
-        if self.view.granted and self.view.frames and not self._told_first_frame:
-            self._told_first_frame = True
+    def _report_first_frame(self) -> None:
+        if self.view.granted and self.view.frames and not self._has_reported_first_frame:
+            self._has_reported_first_frame = True
             self.note("layout", interface=self.view.interface, width=1280.0, height=800.0, bot=True)
             self.note("first_frame", way="server")
 
-    async def _keep_beating(self) -> None:
-        measured = float("-inf")
+    async def _keep_sending(self) -> None:
         while True:
-            now = self._clock()
-            if self._is_driving:
-                self._say("command/heartbeat", self._beat(now))
-                if now - measured >= NETWORK_PERIOD:
-                    measured = now
-                    self._say("page/network", self._network(now))
-            await asyncio.sleep(BEAT)
-
-    @property
-    def _is_driving(self) -> bool:
-        return self.view.granted and self.view.ended is None and not self.is_mute
-
-    def _beat(self, now: float) -> CommandHeartbeat:
-        last = self.view.beats[-1] if self.view.beats else None
-        echo = (
-            Echo(peer="robot", n=last[0], stamp=last[1], received=last[2])
-            if last is not None
-            else None
-        )
-        age = max(0.0, now - self.view.frame) if self.view.frame is not None else None
-        self._beats += 1
-        # odd: it went by the WebSocket
-        return CommandHeartbeat(n=2 * self._beats + 1, stamp=now, echo=echo, frame_age=age)
-
-    def _network(self, now: float) -> protocol.PageNetwork:
-        age = max(0.0, now - self.view.frame) if self.view.frame is not None else None
-        return protocol.PageNetwork(
-            stamp=now,
-            way="mqtt",
-            round_trip=self.view.round_trip,
-            frame_age=age,
-            path="server/jpeg",
-        )
-
-    async def _keep_moving(self) -> None:
-        while True:
-            now = self._clock()
-            if self._is_driving:
-                self._ask_for_picture(now)
+            now, view = self.clock(), self.view
+            if view.granted and view.ended is None and not self.is_mute:
+                # half a tick early, as each tick is a little late
+                if self._is_due("command/heartbeat", now, BEAT - TICK / 2.0):
+                    self._send("command/heartbeat", self._beat(now))
+                if self._is_due("page/network", now, NETWORK_PERIOD):
+                    network = protocol.PageNetwork(
+                        stamp=now,
+                        way="mqtt",
+                        round_trip=view.round_trip,
+                        frame_age=self._frame_age(now),
+                        path="server/jpeg",
+                    )
+                    self._send("page/network", network)
+                patience = PICTURE_PATIENCE if view.awaiting_picture else PICTURE_PERIOD
+                if self._is_due("command/picture", now, patience):
+                    view.awaiting_picture = True
+                    request = PictureRequest(stamp=now, seen=view.frame, round_trip=view.round_trip)
+                    self._send("command/picture", request)
                 self._send_velocity(now)
             await asyncio.sleep(TICK)
 
-    def _ask_for_picture(self, now: float) -> None:
-        waited = now - self._asked_at
-        if waited >= (PICTURE_PATIENCE if self.view.awaiting_picture else PICTURE_PERIOD):
-            self._asked_at, self.view.awaiting_picture = now, True
-            self._say(
-                "command/picture",
-                PictureRequest(stamp=now, seen=self.view.frame, round_trip=self.view.round_trip),
-            )
+    def _is_due(self, suffix: str, now: float, period: float) -> bool:
+        """Tell whether a message with this period is due, and note that it is sent."""
+        is_due = now - self._sent_at.get(suffix, -math.inf) >= period
+        if is_due:
+            self._sent_at[suffix] = now
+        return is_due
+
+    def _frame_age(self, now: float) -> float | None:
+        return max(0.0, now - self.view.frame) if self.view.frame is not None else None
+
+    def _beat(self, now: float) -> CommandHeartbeat:
+        echo = None
+        if self.view.beat is not None:
+            number, stamp, received = self.view.beat
+            echo = Echo(peer="robot", n=number, stamp=stamp, received=received)
+        self._beats += 1
+        odd = 2 * self._beats + 1  # it is sent by the WebSocket
+        return CommandHeartbeat(n=odd, stamp=now, echo=echo, frame_age=self._frame_age(now))
 
     def _send_velocity(self, now: float) -> None:
         if self._speed.is_zero:
@@ -272,11 +243,12 @@ class Cockpit:
             stamp=now,
             linear=self._speed.linear,
             angular=self._speed.angular,
-            method=self._method,
+            method=self.method,
             frame=self.view.frame,
         )
-        self._say("command/velocity", command)
+        self._send("command/velocity", command)
 
-    def _say(self, suffix: str, message: Message) -> None:
-        if self._socket is not None and self.closed is None:
-            self._socket.send(encode_frame(suffix, message))
+    def _send(self, suffix: str, message: Message) -> None:
+        """Send without waiting, as a page does; on a closed connection, the message is lost."""
+        if self._socket is not None:
+            broadcast([self._socket], encode_frame(suffix, message))

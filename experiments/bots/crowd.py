@@ -1,4 +1,4 @@
-"""Many bots, a few at a time: each comes when another has left, as people do over a month."""
+"""Many bots, a few at a time: each begins when another has finished."""
 
 import asyncio
 import contextlib
@@ -12,16 +12,15 @@ from experiments.bots.endings import Ending
 from experiments.bots.pace import Governor, Pace
 from experiments.bots.participant import BotParticipant
 from experiments.bots.persona import Effect, Persona
+from experiments.bots.view import View
 
 GOVERNED_EVERY = 0.5  # seconds of the quick clock
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a crowd is made of. `links` are paths, one a bot; `explore` makes each answer
-    differently, to open every branch.
-
-    Each takes part `visits` times.
+    """Which bots take part: `links` are paths, one a bot; each takes part `visits` times; `explore`
+    makes each of them answer differently, to open every branch.
     """
 
     site: str
@@ -36,78 +35,70 @@ class Plan:
 
 @dataclass
 class BotGroup:
-    """A run of many bots. `told` hears of each one's diary as it ends."""
+    """A run of many bots; `on_end` receives the diary of each as it ends."""
 
     plan: Plan
-    told: Callable[[Diary], None] = lambda _diary: None
+    on_end: Callable[[Diary], None] = lambda _diary: None
     pace: Pace | None = None
     fastest: float = 1.0
     clock: Callable[[], float] = time.time
-    _living: set[BotParticipant] = field(default_factory=set)
+    _active: set[BotParticipant] = field(default_factory=set)
 
     async def run(self) -> list[Diary]:
-        """Let all of them take part, and return their diaries in order."""
+        """Return the diaries of all bots, in order."""
         places = asyncio.Semaphore(self.plan.at_once)
-        governing = asyncio.create_task(self._govern()) if self.pace is not None else None
+        bots = [self._run_one(number, places) for number in range(len(self.plan.links))]
+        if self.pace is None:
+            return list(await asyncio.gather(*bots))
+        governing = asyncio.create_task(self._govern(self.pace))
         try:
-            return list(
-                await asyncio.gather(
-                    *(self._one(number, places) for number in range(len(self.plan.links)))
-                )
-            )
+            return list(await asyncio.gather(*bots))
         finally:
-            if governing is not None and self.pace is not None:
-                governing.cancel()
-                with contextlib.suppress(asyncio.CancelledError):
-                    await governing
-                self.pace.set(1.0)
+            governing.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await governing
+            self.pace.set(1.0)
 
-    async def _one(self, number: int, places: asyncio.Semaphore) -> Diary:
-        persona = Persona(
-            number, self.plan.seed, self.plan.effects, number if self.plan.explore else None
-        )
+    async def _run_one(self, number: int, places: asyncio.Semaphore) -> Diary:
+        plan = self.plan
+        persona = Persona(number, plan.seed, plan.effects, number if plan.explore else None)
         bot = BotParticipant(
-            self.plan.site,
-            self.plan.links[number],
-            persona,
-            self.plan.endings[number],
-            self.clock,
-            self.plan.visits,
+            plan.site, plan.links[number], persona, plan.endings[number], self.clock, plan.visits
         )
         async with places:
-            self._living.add(bot)
+            self._active.add(bot)
             try:
                 diary = await bot.take_part()
             finally:
-                self._living.discard(bot)
-        self.told(diary)
+                self._active.discard(bot)
+        self.on_end(diary)
         return diary
 
-    async def _govern(self) -> None:
-        """Keep the pace where nobody is late: neither those who drive nor this process itself."""
-        assert self.pace is not None
-        governor, asked = Governor(self.fastest), GOVERNED_EVERY
+    async def _govern(self, pace: Pace) -> None:
+        """Keep the pace at which neither the bots that drive nor this process are late."""
+        governor = Governor(self.fastest)
         while True:
-            begun = time.monotonic()
-            await asyncio.sleep(asked)
-            lag = max(0.0, time.monotonic() - begun - asked)
-            self.pace.set(governor.decide(self._round_trips(), lag))
+            began = time.monotonic()
+            await asyncio.sleep(GOVERNED_EVERY)
+            lag = max(0.0, time.monotonic() - began - GOVERNED_EVERY)
+            ages = [view.image_age for view in self._views() if view.image_age is not None]
+            pace.set(governor.decide(self._round_trips(), lag, ages))
 
     def _round_trips(self) -> list[float]:
-        """Return the round trip of each who drives, or how long the robot's next heartbeat is
+        """Return the round trip of each bot that drives, or how long the robot's next heartbeat is
         overdue when that is more.
-
-        Who is away hears nothing, and that is nobody's lateness.
         """
         now = self.clock()
-        views = [
-            bot.drive.view
-            for bot in self._living
-            if bot.drive is not None and bot.drive.cockpit.is_open
+        return [
+            max(view.round_trip, now - view.beat[2] - BEAT)
+            for view in self._views()
+            if view.round_trip is not None and view.beat is not None
         ]
-        driving = [
-            view
-            for view in views
-            if view.granted and view.ended is None and view.round_trip is not None
-        ]
-        return [max(view.round_trip or 0.0, now - view.beats[-1][2] - BEAT) for view in driving]
+
+    def _views(self) -> list[View]:
+        """Return the views of the bots that drive. A bot without a connection receives nothing,
+        which does not show that the computer is late.
+        """
+        drives = [bot.drive for bot in self._active if bot.drive is not None]
+        views = [drive.view for drive in drives if drive.cockpit.is_open]
+        return [view for view in views if view.granted and view.ended is None]

@@ -1,14 +1,11 @@
-"""What a bot can tell afterwards: where it was for how long, what it read and was asked, what it
-drove, and where it got stuck.
-"""
+"""A bot's log: its pages and how long it was on each, its drives, and where it got stuck."""
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
 
 
 @dataclass
 class Leg:
-    """One drive. `seconds` from the first picture; `passed` the numbers of checkpoints;
+    """One drive. `seconds` from the first image; `passed` the numbers of checkpoints;
     `circumstances` what a driver sees of a condition.
     """
 
@@ -30,7 +27,7 @@ class Leg:
 
 @dataclass
 class PageVisit:
-    """One page: its heading, when it came, and for how long it was open (seconds), its words and
+    """One page: its heading, when it opened and for how long (seconds), the number of its words and
     questions, and whether it `drives` the robot.
     """
 
@@ -56,7 +53,3 @@ class Diary:
     answered: dict[str, str] = field(default_factory=dict)
     stuck: str = ""
     done: bool = False
-
-    def as_data(self) -> dict[str, Any]:
-        """Return it as plain data, for JSON."""
-        return asdict(self)

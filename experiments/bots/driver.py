@@ -1,9 +1,8 @@
-"""How a bot drives a course: from the cue to a place, from the place to a way, from the way to a
-speed. Decides, sends nothing.
+"""How a bot drives a course: from the cue to a place, from the place to a route, from the route to
+a speed. Pure.
 
-It goes by what its page shows: the floor plan, the pose, the laser's points, the cues. A door that
-the laser sees closed, or at which it gets stuck, is taken to be closed, and another way is looked
-for.
+It uses what its page shows: the floor plan, the pose, the laser's points, the cues. A door that the
+laser sees closed, or at which the bot gets stuck, counts as closed, and another route is planned.
 """
 
 import math
@@ -11,17 +10,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from experiments.bots.steering import STAND, SpeedSetting, follow, into, rest_of, turn_to
-from experiments.bots.view import View
-from experiments.bots.ways import NoRouteError, RouteGrid
+from experiments.bots.routes import NoRouteError, RouteGrid
+from experiments.bots.view import AT_CENTRE, View
 from robots.api.floorplan import Door, FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Point
 
-BACKING = SpeedSetting(-0.22, 0.0)
+AHEAD = 0.55  # metres along the route to the point that is aimed at
+SHARP = 0.7  # radians aside from which one turns on the spot
+GAIN = 1.6  # rad/s for a radian
+CREEP = 0.08  # m/s into a station
+BRAKE = 0.15  # m/s², with which one slows down towards the end of a route
+SLOWEST_TURN = 0.12  # rad/s on the spot
+FACING = 0.1  # radians aside of the station's axis with which one may drive in
 CLEAR_OF_DOCK = 0.75  # metres before the docked pose from which one may turn
 STAGING = 0.95  # metres before the docked pose from which one drives in
-MISSED = 0.13  # metres aside of the axis, close to the station, with which one begins anew
+MISSED = 0.13  # metres aside of the axis, close to the station, with which the bot starts again
 STUCK_SECONDS = 5.0
 STUCK_METRES = 0.12
 BACK_SECONDS = 2.0
@@ -32,12 +36,30 @@ SURE = 3  # sweeps one after another that must agree
 SETTLE_SECONDS = 0.7
 LOOKING = 0.3  # rad/s while looking for the mirror
 REPLAN_SECONDS = 4.0
+WAITING = frozenset({"", "wait_for_picture", "completed", "timed_out", "ended"})
+HOMEWARD = frozenset({"return_home", "dock_now", "dock_hold", "dock_again"})
+
+
+@dataclass(frozen=True)
+class SpeedSetting:
+    """A speed in m/s and rad/s."""
+
+    linear: float = 0.0
+    angular: float = 0.0
+
+    @property
+    def is_zero(self) -> bool:
+        return self.linear == 0.0 and self.angular == 0.0
+
+
+STAND = SpeedSetting()
+BACKING = SpeedSetting(-0.22, 0.0)
 
 
 @dataclass(frozen=True)
 class Guide:
-    """What the page is told of the task: the docked pose, checkpoints by number, and after which of
-    them the photo is.
+    """What the page says of the task: the docked pose, checkpoints by number, and the number of the
+    one with a photo.
     """
 
     dock: Pose2D
@@ -46,17 +68,14 @@ class Guide:
 
     @classmethod
     def of(cls, study: dict[str, Any], plan: FloorPlan, series: str) -> "Guide":
-        """Read the page's configuration; without a course (a practice drive) the robot's own
-        station is home.
+        """Read the page's configuration; without a course (a practice drive), home is the robot's
+        own station.
         """
-        dock, own = study.get("dock"), plan.dock_of(series)
-        if dock is None and own is not None:
-            dock = {"x": own.x, "y": own.y, "theta": own.theta}
-        home = (
-            Pose2D(dock["x"], dock["y"], dock["theta"])
-            if dock is not None
-            else Pose2D(0.0, 0.0, 0.0)
-        )
+        dock, own, home = study.get("dock"), plan.dock_of(series), AT_CENTRE
+        if dock is not None:
+            home = Pose2D(dock["x"], dock["y"], dock["theta"])
+        elif own is not None:
+            home = Pose2D(own.x, own.y, own.theta)
         stops = {stop["number"]: (stop["x"], stop["y"]) for stop in study.get("checkpoints", ())}
         photo = study.get("photo")
         return cls(home, stops, photo["checkpoint"] if photo else None)
@@ -75,8 +94,8 @@ class Intent:
 
 @dataclass
 class Driver:
-    """One bot on one course. `decide` is called ten times a second; `now` in seconds of any clock
-    that goes steadily.
+    """One bot on one course. `decide` is called ten times a second; `now` in seconds of a steady
+    clock.
     """
 
     plan: FloorPlan
@@ -85,9 +104,10 @@ class Driver:
     skips_photo: bool = False
     practises: bool = False
     docks_early: bool = False  # drives into the station again before anything else
-    closed: set[str] = field(default_factory=set)
-    _ways: RouteGrid | None = None
-    _way: list[Point] = field(default_factory=list)
+    closed: set[str] = field(default_factory=set)  # doors, by name
+    no_way: str = ""
+    _grid: RouteGrid | None = None
+    _route: list[Point] = field(default_factory=list)
     _goal: Point | None = None
     _planned_at: float = -math.inf
     _moved_from: tuple[float, float, float] | None = None  # x, y, since
@@ -96,120 +116,94 @@ class Driver:
     _sweep: float = -math.inf
     _shut: tuple[str, int] = ("", 0)  # a door, and how many sweeps have seen it closed
     _docking: bool = False
-    _steady_since: float | None = None
-    _asked_photo: bool = False
-    no_way: str = ""
+    _photo_due: float | None = None  # once the robot may take it; infinite after that
 
     def decide(self, view: View, now: float) -> Intent:
-        """Return what to do."""
         cue, pose = view.task.cue, view.pose
         if self.practises and pose is not None:
             return Intent(BACKING if self._in_station(pose) else SpeedSetting(0.0, LOOKING))
-        if (
-            pose is None
-            or not view.localized
-            or cue in {"", "wait_for_picture", "completed", "timed_out", "ended"}
-        ):
+        if pose is None or not view.localized or cue in WAITING:
             self._moved_from = None
             return Intent()
         if cue.startswith("photo_"):
             return self._photo(cue, view, pose, now)
-        self._asked_photo, self._steady_since = False, None
-        is_early = self._is_early(cue, view, pose)
-        if (
-            cue in {"return_home", "dock_now", "dock_hold", "dock_again"}
-            or (cue == "lost" and view.task.number == 0)
-            or is_early
-        ):
+        self.photo_failed()
+        is_lost_at_home = cue == "lost" and view.task.number == 0
+        if self._is_early(cue, view, pose) or cue in HOMEWARD or is_lost_at_home:
             # until the robot is docked, or the contacts part again
-            lets_go = cue == "dock_hold" or view.contact
-            return (
-                Intent()
-                if lets_go
-                else Intent(self._unstuck(pose, self._home(view, pose, now), now))
-            )
+            if cue == "dock_hold" or view.contact:
+                return Intent()
+            return Intent(self._unstuck(pose, self._home(view, pose, now), now))
         self._docking = False
         if view.task.x is None or view.task.y is None:
             return Intent()
-        return Intent(
-            self._unstuck(pose, self._go(view, pose, (view.task.x, view.task.y), now), now)
-        )
+        return self._go(view, pose, (view.task.x, view.task.y), now)
 
     def _is_early(self, cue: str, view: View, pose: Pose2D) -> bool:
-        """Tell whether it is on its way back too soon: from the moment at which it is out of the
-        station until it is in again.
-        """
+        """Tell whether the bot returns too early: from leaving the station until it docks."""
         if self.docks_early and cue == "docked_early":
             self.docks_early = False
-        return (
-            self.docks_early and not view.docked and (self._docking or not self._in_station(pose))
-        )
+        is_out = self._docking or not self._in_station(pose)
+        return self.docks_early and not view.docked and is_out
 
     # --- to a place -------------------------------------------------------------------------------
 
-    def _go(self, view: View, pose: Pose2D, goal: Point, now: float) -> SpeedSetting:
-        if self._in_station(pose):
-            return BACKING
-        self._look_at_doors(view)
-        way = self._way_to(pose, goal, now)
-        return follow(pose, way, self.fastest) if way else STAND
+    def _go(self, view: View, pose: Pose2D, goal: Point, now: float) -> Intent:
+        speed = BACKING if self._in_station(pose) else self._drive_to(view, pose, goal, now)
+        return Intent(self._unstuck(pose, speed, now))
 
     def _in_station(self, pose: Pose2D) -> bool:
         seen = self.guide.dock.inverse().compose(pose)
         return -CLEAR_OF_DOCK < seen.x < 0.3 and abs(seen.y) < 0.3 and abs(seen.theta) < 0.6
 
-    def _way_to(self, pose: Pose2D, goal: Point, now: float) -> Sequence[Point]:
-        if self._ways is None or self._ways.closed != self.closed:
-            self._ways, self._goal = RouteGrid(self.plan, self.closed), None
+    def _drive_to(self, view: View, pose: Pose2D, goal: Point, now: float) -> SpeedSetting:
+        self._look_at_doors(view)
+        here = (pose.x, pose.y)
+        if self._grid is None or self._grid.closed != self.closed:
+            self._grid, self._goal = RouteGrid(self.plan, self.closed), None
         if goal != self._goal or now - self._planned_at > REPLAN_SECONDS:
             try:
-                self._way, self.no_way = self._ways.way((pose.x, pose.y), goal), ""
+                self._route, self.no_way = self._grid.route(here, goal), ""
             except NoRouteError as error:
-                self._way, self.no_way = [], str(error)
+                self._route, self.no_way = [], str(error)
                 self.closed.clear()  # at least one of them must be open, or have been opened
             self._goal, self._planned_at = goal, now
-        self._way = rest_of(self._way, pose.x, pose.y) if self._way else []
-        return self._way
+        if not self._route:
+            return STAND
+        nearest = min(range(len(self._route)), key=lambda n: math.dist(self._route[n], here))
+        self._route = self._route[nearest:]
+        return _follow(pose, self._route, self.fastest)
+
+    def _door_ahead(self, within: float) -> Door | None:
+        return self._grid.door_on(self._route, within) if self._grid and self._route else None
 
     def _look_at_doors(self, view: View) -> None:
-        """Take a door for closed when the laser sees something where its leaf would be."""
-        if (
-            self._ways is None
-            or not self._way
-            or view.scan is None
-            or view.scan.stamp == self._sweep
-        ):
+        """Take a door to be closed when the laser sees something where its leaf would be."""
+        if not self._route or view.scan is None or view.scan.stamp == self._sweep:
             return
         self._sweep = view.scan.stamp
-        name = self._ways.door_on(self._way, BEFORE_A_DOOR)
-        door = next((door for door in self.plan.doors if door.name == name), None)
-        if door is None or sum(1 for point in view.points() if _on_leaf(door, point)) < LEAF_BEAMS:
+        door = self._door_ahead(BEFORE_A_DOOR)
+        if door is None or sum(_on_leaf(door, point) for point in view.points()) < LEAF_BEAMS:
             self._shut = ("", 0)
             return
         self._shut = (door.name, self._shut[1] + 1 if self._shut[0] == door.name else 1)
         if self._shut[1] >= SURE:
             self.closed.add(door.name)
 
-    # --- stuck ------------------------------------------------------------------------------------
-
     def _unstuck(self, pose: Pose2D, speed: SpeedSetting, now: float) -> SpeedSetting:
+        """Return the wanted speed, or one to back off for a while after the robot got stuck."""
         if now < self._backing_until:
             return SpeedSetting(-0.18, 0.25 if self._stuck % 2 else -0.25)
+        here, before = (pose.x, pose.y), self._moved_from
         if speed.linear == 0.0:
             self._moved_from = None
-            return speed
-        if (
-            self._moved_from is None
-            or math.dist(self._moved_from[:2], (pose.x, pose.y)) > STUCK_METRES
-        ):
-            self._moved_from = (pose.x, pose.y, now)
-        elif now - self._moved_from[2] > STUCK_SECONDS:
+        elif before is None or math.dist(before[:2], here) > STUCK_METRES:
+            self._moved_from = (*here, now)
+        elif now - before[2] > STUCK_SECONDS:
             self._stuck += 1
-            door = (
-                self._ways.door_on(self._way, 1.0) if self._ways is not None and self._way else None
-            )
+            door = self._door_ahead(1.0)
             if door is not None and self._stuck > 1:
-                self.closed.add(door)
+                self.closed.add(door.name)
             self._moved_from, self._goal, self._backing_until = None, None, now + BACK_SECONDS
         return speed
 
@@ -218,20 +212,20 @@ class Driver:
     def _home(self, view: View, pose: Pose2D, now: float) -> SpeedSetting:
         dock = self.guide.dock
         seen = dock.inverse().compose(pose)
-        staging = dock.apply(-STAGING, 0.0)
         if not self._docking:
+            staging = dock.apply(-STAGING, 0.0)
             if math.dist(staging, (pose.x, pose.y)) > 0.2:
-                self._look_at_doors(view)
-                way = self._way_to(pose, staging, now)
-                return follow(pose, way, self.fastest) if way else STAND
-            turned = turn_to(pose, dock.theta, self.fastest, within=0.1)
-            self._docking = turned.is_zero
-            return turned
+                return self._drive_to(view, pose, staging, now)
+            self._docking = abs(seen.theta) <= FACING
+            turn = math.copysign(max(GAIN * abs(seen.theta), SLOWEST_TURN), -seen.theta)
+            return (
+                STAND if self._docking else SpeedSetting(0.0, _within(turn, self.fastest.angular))
+            )
         too_far_aside = seen.x > -0.5 and abs(seen.y) > MISSED
-        if too_far_aside or seen.x > 0.1 or abs(wrap_angle(seen.theta)) > 0.7:
+        if too_far_aside or seen.x > 0.1 or abs(seen.theta) > 0.7:
             self._docking, self._backing_until = False, now + 3.0 * BACK_SECONDS
             return STAND
-        return into(pose, dock, self.fastest)
+        return _into_station(seen, self.fastest)
 
     # --- the photo --------------------------------------------------------------------------------
 
@@ -240,28 +234,54 @@ class Driver:
             return Intent(answer="skip")
         if cue == "photo_review":
             return Intent(answer="keep")
-        if cue == "photo_ready":
-            return self._steady_photo(now)
-        self._steady_since = None
-        if cue in {"photo_turn_left", "photo_turn_right"}:
-            return Intent(SpeedSetting(0.0, LOOKING if cue == "photo_turn_left" else -LOOKING))
-        at = self.guide.stops.get(self.guide.photo_at if self.guide.photo_at is not None else -1)
-        if at is None or math.dist(at, (pose.x, pose.y)) < 0.15:
+        if cue == "photo_ready":  # after standing for a moment, once
+            if self._photo_due is None:
+                self._photo_due = now + SETTLE_SECONDS
+            is_due = now >= self._photo_due
+            if is_due:
+                self._photo_due = math.inf
+            return Intent(take=is_due)
+        self.photo_failed()
+        at = None if self.guide.photo_at is None else self.guide.stops.get(self.guide.photo_at)
+        if cue == "photo_turn_right":
+            return Intent(SpeedSetting(0.0, -LOOKING))
+        if cue == "photo_turn_left" or at is None or math.dist(at, (pose.x, pose.y)) < 0.15:
             return Intent(SpeedSetting(0.0, LOOKING))
-        return Intent(self._unstuck(pose, self._go(view, pose, at, now), now))
-
-    def _steady_photo(self, now: float) -> Intent:
-        """Stand for a moment, and take it once."""
-        if self._steady_since is None:
-            self._steady_since, self._asked_photo = now, False
-        if now - self._steady_since < SETTLE_SECONDS or self._asked_photo:
-            return Intent()
-        self._asked_photo = True
-        return Intent(take=True)
+        return self._go(view, pose, at, now)
 
     def photo_failed(self) -> None:
-        """Try again."""
-        self._asked_photo, self._steady_since = False, None
+        """Take the photo again when it is next possible."""
+        self._photo_due = None
+
+
+def _within(value: float, limit: float) -> float:
+    return max(-limit, min(limit, value))
+
+
+def _follow(pose: Pose2D, route: Sequence[Point], fastest: SpeedSetting) -> SpeedSetting:
+    """Steer along a route as people do: towards a point ahead, slower in bends, turning on the spot
+    when the point is far aside.
+    """
+    here = (pose.x, pose.y)
+    target = next((point for point in route if math.dist(point, here) >= AHEAD), route[-1])
+    aside = wrap_angle(math.atan2(target[1] - pose.y, target[0] - pose.x) - pose.theta)
+    turn = _within(GAIN * aside, fastest.angular)
+    if abs(aside) > SHARP:
+        return SpeedSetting(0.0, turn)
+    left = math.dist(route[-1], here)
+    linear = min(fastest.linear * math.cos(aside) ** 2, math.sqrt(2.0 * BRAKE * left) + CREEP)
+    return SpeedSetting(linear, turn)
+
+
+def _into_station(dock_from_robot: Pose2D, fastest: SpeedSetting) -> SpeedSetting:
+    """Steer into a station from before it: along its axis, ever slower, and gently back onto the
+    axis.
+    """
+    to_go, aside = -dock_from_robot.x, dock_from_robot.y
+    heading = math.atan2(-aside, max(0.35, min(0.8, to_go)))
+    turn = _within(2.0 * wrap_angle(heading - dock_from_robot.theta), 0.5)
+    linear = CREEP if to_go < 0.35 else min(0.25, fastest.linear, CREEP + 0.35 * (to_go - 0.35))
+    return SpeedSetting(linear, turn)
 
 
 def _on_leaf(door: Door, point: Point) -> bool:

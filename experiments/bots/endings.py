@@ -1,4 +1,4 @@
-"""How a bot's taking part may end: as it should, and in the ways in which people leave."""
+"""How a bot's participation may end: as intended, and as people leave."""
 
 from collections.abc import Sequence
 from enum import StrEnum
@@ -22,21 +22,26 @@ class Ending(StrEnum):
     STOPS_ANSWERING = "stops_answering"
     COMES_AGAIN = "comes_again"
     LEAVES_READING = "leaves_while_reading"
-    # as behind a firewall: nothing that the page says arrives
+    # as behind a firewall: nothing that the page sends arrives
     GETS_NO_CONNECTION = "gets_no_connection"
-    STAYS_AWAY = "stays_away"  # longer than the time of grace
+    STAYS_AWAY = "stays_away"  # longer than the grace period
     RELOADS_PAGE = "reloads_the_page"
     OPENS_SECOND_PAGE = "opens_a_second_page"
     PRESSES_STOP = "presses_stop"
     DOCKS_EARLY = "docks_early"
     TAKES_PHOTO_AGAIN = "takes_the_photo_again"
+    NEVER_MOVES = "never_moves"  # sees the video, and leaves
+    TAKES_ROBOT_AGAIN = "takes_the_robot_again"  # leaves before the video, then drives
 
 
 EVERY = tuple(Ending)
 ABOUT_PHOTO = frozenset({Ending.SKIPS_PHOTO, Ending.TAKES_PHOTO_AGAIN})
-# who does not drive after the first attempt
-GIVES_UP = frozenset({Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.GETS_NO_CONNECTION})
-# About what the paper's participants did: nine in ten complete it.
+LEAVES_AT_ONCE = frozenset({Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.TAKES_ROBOT_AGAIN})
+# bots that do not drive after the first attempt
+GIVES_UP = frozenset(
+    {Ending.LEAVES_QUEUE, Ending.LEAVES_AT_DOCK, Ending.GETS_NO_CONNECTION, Ending.NEVER_MOVES}
+)
+# About as the paper's participants: nine in ten complete the task.
 USUAL: dict[Ending, float] = {
     Ending.COMPLETES: 0.72,
     Ending.SKIPS_PHOTO: 0.06,
@@ -53,12 +58,11 @@ USUAL: dict[Ending, float] = {
 
 
 def draw(count: int, rng: np.random.Generator) -> list[Ending]:
-    """Return the endings of so many bots, as people do."""
-    names = list(USUAL)
-    shares = np.array([USUAL[name] for name in names])
+    """Return the endings of `count` bots, in the shares of people."""
+    names, shares = list(USUAL), np.array(list(USUAL.values()))
     return [names[index] for index in rng.choice(len(names), size=count, p=shares / shares.sum())]
 
 
 def in_turn(count: int, chosen: Sequence[Ending] = EVERY) -> list[Ending]:
-    """Return the endings of so many bots, each a different one as long as there are some left."""
+    """Return the endings of `count` bots, each a different one as long as there are some left."""
     return [chosen[index % len(chosen)] for index in range(count)]

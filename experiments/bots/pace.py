@@ -1,10 +1,10 @@
-"""How fast time goes for a system that was started for it (experiments/bots/fast_time), and who
-slows it down when the computer is late.
+"""The pace of time in a system that was started for it (experiments/bots/fast_time), and the
+governor that slows it down when the computer is late.
 
-A computer that has too much to do delivers late, and at ten times the pace ten times as late:
-commands would be refused as stale that are not. So the pace is governed by what drivers notice, the
-round trip to the robot: never faster than asked for, slower than real time where the computer has
-no time for more, and every drive under way sees the delays that it would see on a quiet computer.
+A computer that is overloaded delivers late, and at ten times the pace ten times as late: commands
+would be refused as stale that are not. So the pace follows what drivers notice, the round trip to
+the robot and the age of images: never faster than requested, slower than real time where the
+computer cannot do more.
 """
 
 import mmap
@@ -18,22 +18,22 @@ from pathlib import Path
 from experiments.bots.fast_time.sitecustomize import SIZE, SLOT, SLOTS, VARIABLE, Clocks
 
 FOLDER = Path(__file__).resolve().parent / "fast_time"
-# Seconds of a round trip above which time goes slower, and below which faster. The way to the robot
-# is half of it; from half the age limit on (125 ms) the safety kernel lowers the speed, so up to
-# here no drive notices.
+# Seconds of a round trip above which time goes slower, and below which faster. Half of it is spent
+# towards the robot; from half the age limit on (125 ms) the safety kernel lowers the speed, so up
+# to here no drive notices.
 LATE = 0.16
 PROMPT = 0.10
+# Seconds that an image may get old before time goes slower, but not slower than real time: half
+# of the age limit, from which on the kernel lowers the speed. A quiet computer's get 0.36 s old.
+OLD = 0.5
 SLOWER, FASTER = 0.8, 1.03
-SLOWEST = 0.2  # a study that is played beside other work takes longer, and is played no worse
+SLOWEST = 0.2  # beside other work, a study takes longer
 
 
 class Pace:
-    """Who writes a file of the pace; one process at a time.
-
-    Args:
-        path: the file; it is made, at real time, unless there is one.
-        real: the computer's own monotonic clock, whatever time.monotonic is in this process.
-        unix: its Unix clock, for a file that is made.
+    """Writes the file of the pace, which is created at real time unless it exists; only one process
+    may write. `real` is the computer's own monotonic clock, whatever time.monotonic is in this
+    process; `unix` its Unix clock, for a new file.
     """
 
     def __init__(
@@ -52,18 +52,12 @@ class Pace:
             now = real()
             self._write(0, (now, now, unix(), 1.0))
 
-    @property
-    def rate(self) -> float:
-        """How many times faster than real time it goes now."""
-        rate: float = SLOT.unpack_from(self._bytes, SLOTS[self._bytes[0]])[3]
-        return rate
-
     def set(self, rate: float) -> None:
-        """Go so many times faster from now on; no clock jumps."""
+        """Change the pace from now on; no clock jumps."""
         real, monotonic, unix, before = SLOT.unpack_from(self._bytes, SLOTS[self._bytes[0]])
         now = self.real()
-        gone = (now - real) * before
-        self._write(1 - self._bytes[0], (now, monotonic + gone, unix + gone, rate))
+        passed = (now - real) * before
+        self._write(1 - self._bytes[0], (now, monotonic + passed, unix + passed, rate))
 
     def _write(self, slot: int, values: tuple[float, float, float, float]) -> None:
         SLOT.pack_into(self._bytes, SLOTS[slot], *values)
@@ -71,10 +65,7 @@ class Pace:
 
     def environment(self, given: dict[str, str]) -> dict[str, str]:
         """Return the environment of a process that keeps this pace."""
-        paths = [
-            str(FOLDER),
-            *(part for part in given.get("PYTHONPATH", "").split(os.pathsep) if part),
-        ]
+        paths = filter(None, (str(FOLDER), given.get("PYTHONPATH", "")))
         return {**given, VARIABLE: str(self.path), "PYTHONPATH": os.pathsep.join(paths)}
 
 
@@ -86,24 +77,27 @@ def own_pace() -> Pace | None:
 
 @dataclass
 class Governor:
-    """Decides the pace. `most` is what was asked for."""
+    """Decides the pace; `most` is the requested one."""
 
     most: float
     rate: float = 1.0
 
-    def decide(self, trips: Iterable[float], lag: float = 0.0) -> float:
-        """Return the pace for the next while.
+    def decide(self, trips: Iterable[float], lag: float = 0.0, ages: Iterable[float] = ()) -> float:
+        """Return the pace for the next interval.
 
         Args:
-            trips: the latest round trips of those who drive, in seconds of the quick clock. Without
-                any there is no evidence that more than
-                real time would do no harm: so whoever drives next begins at what was good for the
-                    last one.
-            lag: how late one was oneself.
+            trips: the latest round trips of the drives, in seconds of the quick clock. Without any,
+                nothing shows that more than real time would do no harm, so the next drive begins at
+                the pace that was good for the last one.
+            lag: how late this process was itself, in seconds.
+            ages: how old the drives' images get, in seconds of the quick clock.
         """
         seen = list(trips)
-        if max([*seen, lag]) > LATE:
+        latest = max([*seen, lag])
+        if latest > LATE:
             self.rate = max(SLOWEST, self.rate * SLOWER)
-        elif max([*seen, lag]) < PROMPT:
+        elif self.rate >= 1.0 and max(ages, default=0.0) > OLD:
+            self.rate = max(1.0, self.rate * SLOWER)
+        elif latest < PROMPT:
             self.rate = max(self.rate, min(self.most if seen else 1.0, self.rate * FASTER))
         return self.rate

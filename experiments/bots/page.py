@@ -1,39 +1,29 @@
 """A page as a bot reads it: its words, links, forms and the JSON that it gives to its modules. No
-browser, no scripts.
+scripts run.
 """
 
 import json
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from html.parser import HTMLParser
 from typing import Any
+from xml.etree.ElementTree import Element, TreeBuilder
 
-VOID = frozenset(
-    {
-        "area",
-        "base",
-        "br",
-        "col",
-        "embed",
-        "hr",
-        "img",
-        "input",
-        "link",
-        "meta",
-        "source",
-        "track",
-        "wbr",
-    }
+VOID = frozenset(  # elements without an end tag
+    "area base br col embed hr img input link meta source track wbr".split()  # noqa: SIM905
 )
-QUIET = frozenset({"script", "style", "template"})
+DEFAULT_KIND = {"input": "text", "button": "submit"}  # of a control without a type
+NOT_SHOWN = frozenset({"script", "style", "template"})
+PRIMARY = "button--action"  # the class by which the site marks what most people do next
 
 
 @dataclass(frozen=True)
 class FormChoice:
-    """A radio button, a box to tick or an option of a list."""
+    """A radio button, checkbox or option of a list; one that is `alone` excludes others."""
 
     value: str
     label: str
-    chosen: bool
     alone: bool = False
 
 
@@ -46,7 +36,6 @@ class FormField:
     name: str
     kind: str
     label: str = ""
-    value: str = ""
     question: str = ""
     question_type: str = ""
     attributes: dict[str, str] = field(default_factory=dict)
@@ -54,14 +43,10 @@ class FormField:
     required: bool = False
 
 
-PRIMARY = "button--action"  # how the site marks what most people do next
-
-
 @dataclass(frozen=True)
 class Button:
-    """What sends a form."""
+    """What sends a form; `action` is its own address, empty for that of the form."""
 
-    text: str
     is_primary: bool = False
     name: str = ""
     value: str = ""
@@ -70,300 +55,206 @@ class Button:
 
 @dataclass
 class HtmlForm:
-    """A form: where it goes, what it holds already (`hidden`), what is asked, and
-    how it is sent.
-    """
+    """A form; `hidden` are the names and values of its hidden inputs."""
 
     id: str
     action: str
-    method: str
-    in_main: bool
     hidden: list[tuple[str, str]] = field(default_factory=list)
     fields: dict[str, FormField] = field(default_factory=dict)
     buttons: list[Button] = field(default_factory=list)
-    data: dict[str, str] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class HtmlLink:
-    """A link and its words."""
-
-    href: str
-    text: str
-    in_main: bool
-    is_primary: bool = False
-
-
-@dataclass
-class HtmlPage:
-    """What was found. `text` is what stands in the main part, in order; `json` the blocks of
-    `json_script` by their ids.
-    """
-
-    title: str = ""
-    headings: list[str] = field(default_factory=list)
-    text: str = ""
-    links: list[HtmlLink] = field(default_factory=list)
-    forms: list[HtmlForm] = field(default_factory=list)
-    json: dict[str, Any] = field(default_factory=dict)
-    errors: list[str] = field(default_factory=list)
-    # the words of whatever has an id, in the main part
-    by_id: dict[str, str] = field(default_factory=dict)
-
-    @property
-    def next_link(self) -> HtmlLink | None:
-        """The link that most people follow next."""
-        return next((link for link in self.links if link.in_main and link.is_primary), None)
-
-    def next_form(self) -> tuple["HtmlForm", int] | None:
-        """Return the form that most people send next, and with which of its buttons."""
-        found = (
-            (form, number)
-            for form in self.main_forms()
-            for number, button in enumerate(form.buttons)
-            if button.is_primary
-        )
-        return next(found, None)
-
-    def button(self, value: str) -> tuple["HtmlForm", int] | None:
-        """Return the form with a button of this value."""
-        found = (
-            (form, number)
-            for form in self.main_forms()
-            for number, button in enumerate(form.buttons)
-            if button.value == value
-        )
-        return next(found, None)
-
-    def form(self, form_id: str) -> HtmlForm | None:
-        """Return the form with an id."""
-        return next((form for form in self.forms if form.id == form_id), None)
-
-    def main_forms(self) -> list[HtmlForm]:
-        """Return the forms that are sent by POST from the main part of the page."""
-        return [form for form in self.forms if form.in_main and form.method == "post"]
-
-    @property
-    def words(self) -> int:
-        """How much there is to read."""
-        return len(self.text.split())
-
-
-@dataclass
-class _Open:
-    tag: str
-    attributes: dict[str, str]
-    text: list[str] = field(default_factory=list)
-
-
-class _PageParser(HTMLParser):
-    """Fills a Page. A control's label is the `<label for>` of its id, which may stand before or
-    after it, else the fieldset's legend.
-    """
+class _TreeParser(HTMLParser):
+    """Builds the elements. An end tag also closes the elements that are still open inside."""
 
     def __init__(self) -> None:
         super().__init__()
-        self.page = HtmlPage()
-        self.open: list[_Open] = []
-        self.labels: dict[str, str] = {}
-        self.choices: list[tuple[FormField, int, str]] = []  # whose label is not known yet
-        self.described: list[tuple[FormField, str]] = []
-        self.words: list[str] = []
-        self.form: HtmlForm | None = None
-        self.legend = ""
-
-    # --- what the parser tells --------------------------------------------------------------------
+        self._builder, self._open = TreeBuilder(), list[str]()
+        self._builder.start("page", {})
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        attributes = {name: value or "" for name, value in attrs}
-        if tag not in VOID:
-            self.open.append(_Open(tag, attributes))
-        if tag == "form":
-            self._begin_form(attributes)
-        elif tag == "fieldset":
-            self.legend = ""
-        elif tag == "input" and self.form is not None and not self._is_disabled(attributes):
-            self._input(self.form, attributes)
-        elif (
-            tag in {"select", "textarea"}
-            and self.form is not None
-            and "name" in attributes
-            and not self._is_disabled(attributes)
-        ):
-            kept = self._field(self.form, attributes, tag)
-            self.described.append((kept, attributes.get("id", "")))
+        self._builder.start(tag, {name: value or "" for name, value in attrs})
+        if tag in VOID:
+            self._builder.end(tag)
+        else:
+            self._open.append(tag)
 
     def handle_endtag(self, tag: str) -> None:
-        while self.open:
-            closed = self.open.pop()
-            self._closed(closed, " ".join("".join(closed.text).split()))
-            if closed.tag == tag:
+        while tag in self._open:
+            self._builder.end(last := self._open.pop())
+            if last == tag:
                 break
-            if self.open:
-                self.open[-1].text += closed.text
 
     def handle_data(self, data: str) -> None:
-        for part in self.open:
-            part.text.append(data)
-        if (
-            self._inside("main")
-            and not any(part.tag in QUIET for part in self.open)
-            and not self._is_hidden()
-        ):
-            self.words.append(data)
+        self._builder.data(data)
 
-    def finish(self) -> HtmlPage:
-        """Return the page, with all labels in their places."""
+    def root(self) -> Element:
         self.close()
-        for asked, index, identity in self.choices:
-            asked.choices[index] = FormChoice(
-                asked.choices[index].value,
-                self.labels.get(identity, ""),
-                asked.choices[index].chosen,
-                asked.choices[index].alone,
-            )
-        for asked, identity in self.described:
-            asked.label = self.labels.get(identity, asked.label)
-        self.page.text = " ".join(" ".join(self.words).split())
-        return self.page
+        for tag in (*reversed(self._open), "page"):
+            self._builder.end(tag)
+        return self._builder.close()
 
-    # --- small steps ------------------------------------------------------------------------------
 
-    def _inside(self, tag: str) -> bool:
-        return any(part.tag == tag for part in self.open)
+class HtmlPage:
+    """A page. A control's label is the `<label for>` of its id, else the legend around it.
 
-    def _said_around(self, name: str) -> str:
-        """Return an attribute of the innermost element that has it."""
-        around = (part.attributes[name] for part in reversed(self.open) if name in part.attributes)
-        return next(around, "")
+    Attributes:
+        forms: those of the main part that are sent by POST.
+        json: the blocks of `json_script`, by their ids.
+    """
 
-    def _is_hidden(self, *closed: _Open) -> bool:
-        return any("hidden" in part.attributes for part in (*self.open, *closed))
+    def __init__(self, html: str = "") -> None:
+        parser = _TreeParser()
+        parser.feed(html)
+        self._root = parser.root()
+        main = self._root.find(".//main")
+        self._main = Element("main") if main is None else main
+        self._around = {inner: outer for outer in self._root.iter() for inner in outer}
+        self._labels = {one.get("for", ""): _text(one) for one in self._root.iter("label")}
+        posted = (one for one in self._main.iter("form") if one.get("method", "").lower() == "post")
+        self.forms = [self._form(one) for one in posted]
+        self.json: dict[str, Any] = {
+            one.attrib["id"]: json.loads("".join(one.itertext()))
+            for one in self._root.iter("script")
+            if one.get("type") == "application/json" and "id" in one.attrib
+        }
 
-    def _is_disabled(self, attributes: dict[str, str]) -> bool:
-        return "disabled" in attributes or any(
-            part.tag == "fieldset" and "disabled" in part.attributes for part in self.open
+    @property
+    def title(self) -> str:
+        return _words(self._root.findtext(".//title", ""))
+
+    @property
+    def headings(self) -> list[str]:
+        return [_text(one) for one in self._visible() if one.tag in {"h1", "h2"}]
+
+    @property
+    def errors(self) -> list[str]:
+        texts = (
+            _text(one)
+            for one in self._visible()
+            if "field__error" in _classes(one) or one.get("role") == "alert"
         )
+        return [text for text in texts if text]
 
-    def _begin_form(self, attributes: dict[str, str]) -> None:
-        data = {name: value for name, value in attributes.items() if name.startswith("data-")}
-        self.form = HtmlForm(
-            attributes.get("id", ""),
-            attributes.get("action", ""),
-            attributes.get("method", "get").lower(),
-            self._inside("main"),
-            data=data,
-        )
-        self.page.forms.append(self.form)
+    @cached_property
+    def text(self) -> str:
+        """The words of the main part."""
+        return _words("".join(_shown(self._main)))
 
-    def _field(self, form: HtmlForm, attributes: dict[str, str], kind: str) -> FormField:
-        name = attributes["name"]
-        new = FormField(
-            name,
-            kind,
-            self.legend,
-            attributes.get("value", ""),
-            self._said_around("data-question"),
-            self._said_around("data-kind"),
-            dict(attributes),
-        )
-        kept = form.fields.setdefault(name, new)
-        kept.required |= "required" in attributes or attributes.get("aria-required") == "true"
-        return kept
+    @property
+    def links(self) -> list[str]:
+        """The addresses of all links."""
+        return [one.get("href", "") for one in self._root.iter("a")]
 
-    def _input(self, form: HtmlForm, attributes: dict[str, str]) -> None:
-        name, kind = attributes.get("name"), attributes.get("type", "text")
+    @property
+    def next_link(self) -> str | None:
+        """The address of the link that most people follow next."""
+        found = (one for one in self._main.iter("a") if PRIMARY in _classes(one))
+        return next((one.get("href", "") for one in found), None)
+
+    def text_of(self, identity: str) -> str:
+        """Return the text of the element of the main part with an id; "" without one."""
+        found = self._main.find(f".//*[@id='{identity}']")
+        return "" if found is None else _text(found)
+
+    def form(self, form_id: str) -> HtmlForm | None:
+        return next((form for form in self.forms if form.id == form_id), None)
+
+    def next_form(self) -> tuple[HtmlForm, Button] | None:
+        """Return the form that most people send next, and the button for it."""
+        return self._form_with(lambda button: button.is_primary)
+
+    def button(self, value: str) -> tuple[HtmlForm, Button] | None:
+        """Return the form with a button of this value, and that button."""
+        return self._form_with(lambda button: button.value == value)
+
+    def _form_with(self, is_wanted: Callable[[Button], bool]) -> tuple[HtmlForm, Button] | None:
+        buttons = ((form, button) for form in self.forms for button in form.buttons)
+        return next((found for found in buttons if is_wanted(found[1])), None)
+
+    # --- reading ----------------------------------------------------------------------------------
+
+    def _visible(self) -> Iterator[Element]:
+        for one in self._root.iter():
+            if not any("hidden" in around.attrib for around in self._lineage(one)):
+                yield one
+
+    def _form(self, element: Element) -> HtmlForm:
+        form = HtmlForm(element.get("id", ""), element.get("action", ""))
+        for control in element.iter():
+            if control.tag in {"input", "select", "textarea", "button"}:
+                self._add(form, control)
+        return form
+
+    def _add(self, form: HtmlForm, control: Element) -> None:
+        kind = control.get("type") or DEFAULT_KIND.get(control.tag, control.tag)
+        name, value = control.get("name", ""), control.get("value", "")
         if kind in {"submit", "image"}:
-            form.buttons.append(
-                Button(
-                    attributes.get("value", ""),
-                    False,
-                    name or "",
-                    attributes.get("value", ""),
-                    attributes.get("formaction", ""),
-                )
-            )
-        elif name is None:
+            address = control.get("formaction", "")
+            form.buttons.append(Button(PRIMARY in _classes(control), name, value, address))
+        elif not name or control.tag == "button" or self._is_disabled(control):
             return
         elif kind == "hidden":
-            form.hidden.append((name, attributes.get("value", "")))
-        elif kind in {"radio", "checkbox"}:
-            kept = self._field(form, attributes, kind)
-            self.choices.append((kept, len(kept.choices), attributes.get("id", "")))
-            kept.choices.append(
-                FormChoice(
-                    attributes.get("value", "on"),
-                    "",
-                    "checked" in attributes,
-                    "data-alone" in attributes,
-                )
-            )
+            form.hidden.append((name, value))
         else:
-            self.described.append((self._field(form, attributes, kind), attributes.get("id", "")))
+            self._add_to_field(form, control, name, kind)
 
-    def _closed(self, part: _Open, text: str) -> None:
-        if "id" in part.attributes and self._inside("main"):
-            self.page.by_id[part.attributes["id"]] = text
-        match part.tag:
-            case "label":
-                self.labels[part.attributes.get("for", "")] = text
-            case "legend":
-                self.legend = text
-            case "a":
-                is_primary = PRIMARY in part.attributes.get("class", "").split()
-                self.page.links.append(
-                    HtmlLink(
-                        part.attributes.get("href", ""), text, self._inside("main"), is_primary
-                    )
-                )
-            case "h1" | "h2" if not self._is_hidden(part):
-                self.page.headings.append(text)
-            case "title":
-                self.page.title = text
-            case "form":
-                self.form = None
-            case "script" if (
-                part.attributes.get("type") == "application/json" and "id" in part.attributes
-            ):
-                self.page.json[part.attributes["id"]] = json.loads(text)
-            case _:
-                self._closed_in_form(part, text)
+    def _add_to_field(self, form: HtmlForm, control: Element, name: str, kind: str) -> None:
+        label = self._labels.get(control.get("id", ""), "")
+        legends = (one.find("legend") for one in self._lineage(control) if one.tag == "fieldset")
+        legend = next((_text(one) for one in legends if one is not None), "")
+        is_choice = kind in {"radio", "checkbox"}
+        added = form.fields.setdefault(
+            name,
+            FormField(
+                name,
+                kind,
+                legend if is_choice else label or legend,
+                self._nearest(control, "data-question"),
+                self._nearest(control, "data-kind"),
+                dict(control.attrib),
+            ),
+        )
+        added.required |= "required" in control.attrib or control.get("aria-required") == "true"
+        if is_choice:
+            is_alone = "data-alone" in control.attrib
+            added.choices.append(FormChoice(control.get("value", "on"), label, is_alone))
+        for option in control.iter("option"):
+            text = _text(option)
+            added.choices.append(FormChoice(option.get("value", text), text))
 
-    def _closed_in_form(self, part: _Open, text: str) -> None:
-        classes = part.attributes.get("class", "").split()
-        is_error = "field__error" in classes or part.attributes.get("role") == "alert"
-        if is_error and text and not self._is_hidden(part):
-            self.page.errors.append(text)
-        if self.form is None:
-            return
-        if part.tag == "button" and part.attributes.get("type", "submit") == "submit":
-            self.form.buttons.append(
-                Button(
-                    text,
-                    PRIMARY in classes,
-                    part.attributes.get("name", ""),
-                    part.attributes.get("value", ""),
-                    part.attributes.get("formaction", ""),
-                )
-            )
-        elif part.tag == "option":
-            self._option(part, text)
-        elif (
-            part.tag == "textarea"
-            and (written := self.form.fields.get(part.attributes.get("name", ""))) is not None
-        ):
-            written.value = text
+    def _lineage(self, element: Element | None) -> Iterator[Element]:
+        """Yield an element and those around it, the innermost first."""
+        while element is not None:
+            yield element
+            element = self._around.get(element)
 
-    def _option(self, part: _Open, text: str) -> None:
-        select = next((outer for outer in reversed(self.open) if outer.tag == "select"), None)
-        if select is not None and self.form is not None and "name" in select.attributes:
-            value = part.attributes.get("value", text)
-            if (asked := self.form.fields.get(select.attributes["name"])) is not None:
-                asked.choices.append(FormChoice(value, text, "selected" in part.attributes))
+    def _nearest(self, element: Element, attribute: str) -> str:
+        around = self._lineage(element)
+        return next((one.attrib[attribute] for one in around if attribute in one.attrib), "")
+
+    def _is_disabled(self, control: Element) -> bool:
+        return "disabled" in control.attrib or any(
+            one.tag == "fieldset" and "disabled" in one.attrib for one in self._lineage(control)
+        )
 
 
-def read(html: str) -> HtmlPage:
-    """Return what a page holds."""
-    reader = _PageParser()
-    reader.feed(html)
-    return reader.finish()
+def _classes(element: Element) -> list[str]:
+    return element.get("class", "").split()
+
+
+def _text(element: Element) -> str:
+    return _words("".join(element.itertext()))
+
+
+def _words(text: str) -> str:
+    return " ".join(text.split())
+
+
+def _shown(element: Element) -> Iterator[str]:
+    """Yield the text that a reader sees, with a space after each element."""
+    if element.tag not in NOT_SHOWN and "hidden" not in element.attrib:
+        yield element.text or ""
+        for inner in element:
+            yield from _shown(inner)
+            yield f" {inner.tail or ''}"

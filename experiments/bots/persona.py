@@ -1,5 +1,5 @@
-"""Who a bot is: one seeded person with traits, a way to drive, and opinions, into which effects are
-planted on purpose.
+"""A bot's persona: seeded traits, a style of driving and opinions, into which effects are
+planted.
 
 An opinion on a question is normal with mean 0 and variance 1 over many bots: part of it is the
 person's own and the same in all of their answers, the rest belongs to the answer. An effect moves
@@ -12,26 +12,20 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from scipy.special import ndtr
 
 OWN_SHARE = 0.5  # of the variance of an opinion that is the person's own
 LATE_BIRTH, EARLY_BIRTH = 2003, 1950
+CHROME = "AppleWebKit/537.36 (KHTML, like Gecko) Chrome/141.0.0.0"
+SAFARI = "AppleWebKit/605.1.15 (KHTML, like Gecko) Version/18.3 Safari/605.1.15"
 AGENTS = (
     "Mozilla/5.0 (X11; Linux x86_64; rv:140.0) Gecko/20100101 Firefox/140.0",
-    (
-        "Mozilla/5.0 (Windows NT 10.0; Win64; x64) AppleWebKit/537.36 (KHTML, like Gecko)"
-        " Chrome/141.0.0.0 Safari/537.36"
-    ),
-    (
-        "Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) AppleWebKit/605.1.15 (KHTML, like Gecko)"
-        " Version/18.3 Safari/605.1.15"
-    ),
-    (
-        "Mozilla/5.0 (Linux; Android 14; Pixel 8) AppleWebKit/537.36 (KHTML, like Gecko)"
-        " Chrome/141.0.0.0 Mobile Safari/537.36"
-    ),
+    f"Mozilla/5.0 (Windows NT 10.0; Win64; x64) {CHROME} Safari/537.36",
+    f"Mozilla/5.0 (Macintosh; Intel Mac OS X 10_15_7) {SAFARI}",
+    f"Mozilla/5.0 (Linux; Android 14; Pixel 8) {CHROME} Mobile Safari/537.36",
 )
 MARK = " TelepresenceBot/1.0"
 FORM = re.compile(
@@ -57,7 +51,6 @@ class Effect:
     where: Mapping[str, str] = field(default_factory=dict)
 
     def holds(self, circumstances: Mapping[str, str]) -> bool:
-        """Tell whether it works now."""
         return all(circumstances.get(name) == value for name, value in self.where.items())
 
 
@@ -98,17 +91,17 @@ class Persona:
         self.method = "touch" if "Mobile" in self.agent else ("keyboard", "mouse")[rng.integers(2)]
         self._pace = min(max(0.85 + 0.1 * float(rng.standard_normal()), 0.6), 1.0)
 
-    def _rng(self, *about: str | int) -> np.random.Generator:
-        """Return the generator of one matter: what is asked before it changes nothing, so that a
-        page that comes twice is answered alike.
+    def _rng(self, *about: str) -> np.random.Generator:
+        """Return the generator for one subject. It does not depend on earlier questions, so that a
+        page that is shown twice gets the same answers.
         """
-        text = "\x1f".join(str(part) for part in about).encode()
-        words = (*_words(self.seed), *_words(self.number), *text)
-        return np.random.default_rng(np.array(words, dtype=np.uint32))
+        text = np.frombuffer("\x1f".join(about).encode(), np.uint8).astype(np.uint32)
+        words: list[Any] = [self.seed, self.number, text]
+        return np.random.default_rng(words)
 
     def opinion(self, item: str, circumstances: Mapping[str, str]) -> float:
         """Return how much the bot agrees, in standard deviations of all bots. The order of its
-        drives changes nothing but what is planted on it.
+        drives matters only to planted effects.
         """
         about = sorted(f"{k}={v}" for k, v in circumstances.items() if k != DRIVE)
         noise = float(self._rng("opinion", item, *about).standard_normal())
@@ -116,47 +109,26 @@ class Persona:
         return own + self._shift(item, circumstances)
 
     def point(self, item: str, count: int, circumstances: Mapping[str, str]) -> int:
-        """Return which of `count` ordered points is chosen: 0 is the lowest. Without effects each
-        is as likely as any other.
+        """Return the chosen one of `count` ordered points: 0 is the lowest. Without effects, all
+        are equally likely.
         """
         if self.explore is not None:
             return self.explore % count
         return min(count - 1, int(float(ndtr(self.opinion(item, circumstances))) * count))
 
     def option(self, item: str, count: int) -> int:
-        """Return which of `count` options without an order is chosen."""
-        return (
-            self.explore % count
-            if self.explore is not None
-            else int(self._rng("option", item).integers(count))
-        )
+        if self.explore is not None:
+            return self.explore % count
+        return int(self._rng("option", item).integers(count))
 
     def number_between(
         self, item: str, low: float, high: float, circumstances: Mapping[str, str]
     ) -> float:
-        """Return a number within bounds, by the bot's opinion."""
         return low + (high - low) * float(ndtr(self.opinion(item, circumstances)))
 
     def pace(self, circumstances: Mapping[str, str]) -> float:
-        """Return the share of full speed at which the bot drives."""
         return float(np.clip(self._pace + 0.1 * self._shift(PACE, circumstances), 0.4, 1.0))
 
     def _shift(self, item: str, circumstances: Mapping[str, str]) -> float:
-        """Return what the effects on something come to."""
-        return sum(
-            effect.size
-            for effect in self.effects
-            if effect.item == item and effect.holds(circumstances)
-        )
-
-    def seconds(self, matter: str, low: float, high: float) -> float:
-        """Return how long the bot takes for something."""
-        return float(self._rng("seconds", matter).uniform(low, high))
-
-
-def _words(number: int) -> list[int]:
-    """Return a number in words of 32 bits, the least first: what NumPy makes of it, only sooner."""
-    found = [number & 0xFFFFFFFF]
-    while number := number >> 32:
-        found.append(number & 0xFFFFFFFF)
-    return found
+        effects = (one for one in self.effects if one.item == item and one.holds(circumstances))
+        return sum(one.size for one in effects)

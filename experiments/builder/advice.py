@@ -1,13 +1,10 @@
-"""What a page of the study builder advises: it stands above the form, and keeps nobody from
-publishing.
-"""
+"""Advice above the form of a page of the study builder; it does not prevent publishing."""
 
 import re
 from collections.abc import Iterator
 
 from django.utils.translation import gettext as _
 
-from experiments.builder.labels import GUIDE
 from experiments.builder.pages import BuilderPlace
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.step import AskingStep
@@ -20,11 +17,10 @@ ASKS_AGE = re.compile(
     r"\b(age|how old|(year|date) of birth|edad|cuántos años|(año|fecha) de nacimiento)\b",
     re.IGNORECASE,
 )
-Advice = tuple[str, BuilderPlace]  # a sentence, and the page on which else it can be followed
+Advice = tuple[str, BuilderPlace]  # a sentence, and another page where it can be followed
 
 
 def advice(study: StudyDefinition, place: BuilderPlace, language: str) -> Iterator[Advice]:
-    """Yield what a page advises; texts of the study in a language."""
     if place.section == "steps" and place.index is not None:
         yield from _on_age(study, place.index, language)
         if study.observers_allowed and isinstance(study.steps[place.index], Consent):
@@ -33,16 +29,10 @@ def advice(study: StudyDefinition, place: BuilderPlace, language: str) -> Iterat
                 "others can see and hear them."
             )
             yield text, BuilderPlace("about")
-    elif place.section == "rules" and study.factors:
-        design = {"design": GUIDE.word("design", study.allocation.design)}
-        text = _("Design: %(design)s. It follows from the factors.")
-        yield text % design, BuilderPlace("factors")
 
 
 def _on_age(study: StudyDefinition, index: int, language: str) -> Iterator[Advice]:
-    """The consent asks for the age where it needs it, so that a question on it would be the
-    second.
-    """
+    """The consent page asks the age for its minimum age; a question on the age would repeat it."""
     consent, steps = study.consent, list(study.steps)
     if consent is None or not consent.minimum_age:
         return

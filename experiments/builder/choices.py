@@ -2,8 +2,10 @@
 that others refer to.
 """
 
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections import ChainMap
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations
+from typing import get_args
 
 import msgspec
 from django.conf import settings
@@ -11,10 +13,16 @@ from django.utils.text import capfirst
 from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
-from experiments import publishing
+from experiments import instruction_media, publishing
+from experiments.builder.design import shared_fields
+from experiments.builder.labels import CHOICES
 from experiments.builder.pages import AtHand
+from experiments.builder.study_form import claim_of
+from experiments.definition.analyses import AGE, DeclaredAnalysis
 from experiments.definition.feasibility import too_fast
-from experiments.definition.schema import Condition
+from experiments.definition.schema import Condition, Outcome, StudyDefinition
+from experiments.models import Study as Row
+from experiments.participation.steps.instructions import PICTURES
 from robots.api.floorplan import FloorPlan as Plan
 from sessions.interfaces import INTERFACES
 from surveys import questionnaires
@@ -24,93 +32,177 @@ from surveys.document_forms.parts import Document
 from surveys.documents import spoken
 from surveys.models import Questionnaire
 
-PICTURES = Path(settings.BASE_DIR) / "static" / "img" / "instructions"
+DIRECTED = 2  # sides of a directed hypothesis
+# Outcomes after which a participant may be replaced.
+REFILLED = [one for one in get_args(Outcome) if one not in {"completed", "timed_out"}]
+_MEASURING = {"analyses", "plan"}  # sections whose forms name measures
 
 
 def at_hand() -> AtHand:
-    """Return the sites, and the series of robots that were heard of, or have a station there."""
+    """Return the sites, and the series of robots that published a factsheet or have a station."""
     sites = publishing.sites()
-    stations = {dock.type: None for plan in sites.values() for dock in plan.docks}
-    return AtHand(
-        sites=sites, robots=tuple({**dict.fromkeys(publishing.known_here().robots), **stations})
-    )
+    stations = (dock.type for plan in sites.values() for dock in plan.docks)
+    return AtHand(sites, tuple(dict.fromkeys((*publishing.robots_here(), *stations))))
 
 
-def offered(whole: Document, part: Document) -> Offered:
-    """Return what can be chosen in a form, by key of the field; doors, stations and mirrors are
-    those of the part's own site.
-    """
-    here = at_hand()
-    plan = here.sites.get(part.get("site", ""))
-    doors = tuple(door.name for door in plan.doors) if plan is not None else ()
+def offered(row: Row, whole: Document, part: Document, section: str) -> Offered:
+    """Return the choices by field. Doors and docks are those of the part's or all sites."""
+    here, study = at_hand(), row.as_definition()
+    language = get_language() or ""
+    sites = [part["site"]] if "site" in part else [one["site"] for one in whole["conditions"]]
+    plans = [here.sites[site] for site in dict.fromkeys(sites) if site in here.sites]
+    doors = tuple(dict.fromkeys(door.name for plan in plans for door in plan.doors))
+    docks = [dock.name for plan in plans for dock in plan.docks if dock.type == part.get("robot")]
+    conditions = {one.key: spoken(one.title, language) or one.key for one in study.conditions}
+    measures = publishing.measures_here(study) if section in _MEASURING else {}
+    pictures = [page.get("picture") or "" for page in part.get("leaves", ())]
     return {
         "languages": tuple(code for code, _label in settings.LANGUAGES),
         "robot": here.robots,
         "site": tuple(here.sites),
         "doors": doors,
         "doors_closed": doors,
-        "dock": (
-            tuple(dock.name for dock in plan.docks if dock.type == part.get("robot"))
-            if plan is not None
-            else ()
-        ),
-        "mirror": tuple(mirror.name for mirror in plan.mirrors) if plan is not None else (),
+        "dock": tuple(docks),
+        "mirror": tuple(mirror.name for plan in plans for mirror in plan.mirrors),
         **_questionnaires(whole),
         "interface": INTERFACES,
-        "PlaceMove.name": places(
-            here.sites[site]
-            for site in dict.fromkeys(one["site"] for one in whole["conditions"])
-            if site in here.sites
-        ),
-        "analysis": tuple(one["key"] for one in whole["analyses"]),
-        "condition": tuple(one["key"] for one in whole["conditions"]),
+        "PlaceMove.name": places(plans),
+        **dict.fromkeys(("condition", "first", "second", "conditions"), conditions),
         "hypotheses": tuple(one["key"] for one in part.get("hypotheses", ())),
-        **dict.fromkeys(
-            ("first", "second", "conditions"), tuple(one["key"] for one in whole["conditions"])
-        ),
-        **{
-            f"levels.{factor['key']}": tuple(level["key"] for level in factor.get("levels", ()))
-            for factor in whole["factors"]
+        "outcomes": {key: CHOICES["outcomes"][key] for key in REFILLED},
+        "pictures": {
+            **{name: name for name in sorted(PICTURES)},
+            **instruction_media.titles(row.slug, pictures),
         },
-        "picture": tuple(sorted(file.stem for file in PICTURES.glob("*.svg"))),
+        "shared": shared_fields(whole),
+        "effects": effects(study, language),
+        "claims": claims(study, language),
+        "measures": measures,
+        "measure": measures,
+        "covariates": _covariates(study, language) if section == "analyses" else {},
     }
 
 
+def _covariates(study: StudyDefinition, language: str) -> dict[str, str]:
+    about_person = {step.questionnaire for step in study.asking if step.is_about_person}
+    named = {
+        f"{one.slug}.{item.key}": spoken(item.text, language)
+        for one in publishing.usable()
+        if one.slug in about_person
+        for item in one.questions()
+        if not item.item.is_free_text
+    }
+    return {AGE: _("Age"), **named}
+
+
+def effects(study: StudyDefinition, language: str) -> dict[str, str]:
+    titles = {one.key: spoken(one.title, language) or one.key for one in study.factors}
+    crossed = (keys for n in range(1, len(titles) + 1) for keys in combinations(titles, n))
+    named = {":".join(keys): " × ".join(titles[key] for key in keys) for keys in crossed}
+    own = {"condition": _("Condition"), "period": _("Round"), "order": _("Order of conditions")}
+    return named | own
+
+
+def claims(study: StudyDefinition, language: str) -> dict[str, dict[str, str]]:
+    """Return what hypotheses can expect, by analysis: a sentence for each direction."""
+    return {
+        spoken(one.title, language) or one.key: dict(_claims(study, one, language))
+        for one in study.analyses
+    }
+
+
+def write_claims(study: StudyDefinition, plan: Document) -> None:
+    """Write the missing texts of hypotheses from their choices."""
+    named = ChainMap(*publishing.measures_here(study).values())
+    sentences = ChainMap(*claims(study, study.languages[0]).values())
+    for one in plan.get("hypotheses", ()):
+        claim = sentences.get(claim_of(one), "")
+        analysis = next((it for it in study.analyses if it.key == one.get("analysis")), None)
+        if claim and analysis is not None and not one.get("text"):
+            keys = one.get("measures") or analysis.measures
+            one["text"] = f"{', '.join(named.get(key, key) for key in keys)} – {claim}."
+
+
+def write_contrasts(study: StudyDefinition, analysis: Document) -> None:
+    """Write the missing titles of contrasts: the conditions of both sides."""
+    for one in analysis.get("contrasts", ()):
+        for language in study.languages:
+            sides = [_side(study, one.get(name, ()), language) for name in ("first", "second")]
+            if all(sides) and not one.get("title", {}).get(language):
+                one["title"] = {**one.get("title", {}), language: " – ".join(sides)}
+
+
+def _claims(
+    study: StudyDefinition, one: DeclaredAnalysis, language: str
+) -> Iterator[tuple[str, str]]:
+    words = effects(study, language)
+    if one.is_model:
+        for effect in one.effects:
+            # an effect that depends on another factor has no direction
+            directed = [
+                it for it in study.factors if it.key == effect and not one.interacts(effect)
+            ]
+            sides = [spoken(level.title, language) for it in directed for level in it.levels]
+            last = effect.replace(":", ".")
+            yield from _directions(words.get(effect, effect), sides, f":{one.key}::{last}")
+    elif not one.contrasts:
+        yield f"different:{one.key}::", _("it differs between the conditions")
+    for n, contrast in enumerate(one.contrasts, start=1):
+        sides = [_side(study, keys, language) for keys in (contrast.first, contrast.second)]
+        title = spoken(contrast.title, language) or f"{n}"
+        yield from _directions(title, sides, f":{one.key}:{n}:")
+
+
+def _side(study: StudyDefinition, keys: Iterable[str], language: str) -> str:
+    found = [study.condition(key) for key in keys]
+    return " + ".join(spoken(one.title, language) for one in found if one is not None)
+
+
+def _directions(title: str, sides: Sequence[str], rest: str) -> Iterator[tuple[str, str]]:
+    named = {"title": title, "first": sides[0], "second": sides[-1]} if sides else {"title": title}
+    if len(sides) == DIRECTED:
+        yield f"greater{rest}", _("%(title)s: greater with %(first)s than with %(second)s") % named
+        yield f"less{rest}", _("%(title)s: smaller with %(first)s than with %(second)s") % named
+        yield f"different{rest}", _("%(title)s: different with %(first)s and %(second)s") % named
+    elif "." in rest:
+        yield f"different{rest}", _("%(title)s: the effect of one depends on the other") % named
+    else:
+        yield f"different{rest}", _("%(title)s: a difference") % named
+
+
 def _questionnaires(whole: Document) -> dict[str, Mapping[str, str]]:
-    """Return those that can be asked, by name and with their versions, called by their titles."""
     versions, titles = {}, {}
     for one in publishing.usable():
         title = spoken(one.title, language_for(one, get_language() or ""))
-        titles[one.slug] = title
+        title = titles[one.slug] = questionnaires.listed_title(one.slug, title)
         words = _("%(title)s, version %(n)d") % {"title": title, "n": one.version}
         versions[f"{one.slug}:{one.version}"] = words
     asked = dict.fromkeys(step.get("questionnaire") for step in whole["steps"])
     statements = {slug: titles.get(slug, slug) for slug in asked if slug}
+    versions = dict(sorted(versions.items(), key=lambda one: one[1].lower()))
     return {"versions": versions, "questionnaire": titles, "statements": statements}
 
 
 def questionnaire_titles() -> dict[tuple[str, int], str]:
-    """Return what the questionnaires that are known here are called, by name and version."""
-    shipped = {(one.slug, one.version): one.title for one in questionnaires.shipped().values()}
+    titles = {key: one.title for key, one in publishing.shipped_questionnaires().items()}
     rows = Questionnaire.objects.values_list("slug", "version", "definition")
-    stored = {(slug, version): definition["title"] for slug, version, definition in rows}
-    language = get_language() or ""
-    return {name: spoken(title, language) for name, title in (shipped | stored).items()}
+    titles |= {(slug, version): definition["title"] for slug, version, definition in rows}
+    return {
+        key: questionnaires.listed_title(key[0], spoken(title, get_language() or ""))
+        for key, title in titles.items()
+    }
 
 
 def speeds_refused(part: Document) -> dict[str, str]:
-    """Return why speed limits of a condition cannot be kept, by their field in its form; what else
-    is wrong with it is told elsewhere.
-    """
+    """Return why speed limits of a condition are too high, by their field in its form."""
     try:
         condition = msgspec.convert(part, Condition)
     except msgspec.ValidationError:
         return {}
-    robot = publishing.known_here().robots.get(condition.robot)
-    told = too_fast(condition, robot) if robot is not None else {}
-    return {f"speed.{key}": capfirst(one.text(_)) for key, one in told.items()}
+    robot = publishing.robots_here().get(condition.robot)
+    found = too_fast(condition, robot) if robot is not None else {}
+    return {f"speed.{key}": capfirst(one.text(_)) for key, one in found.items()}
 
 
 def places(plans: Iterable[Plan]) -> tuple[str, ...]:
-    """Return the names of the places of sites."""
     return tuple(dict.fromkeys(place.name for plan in plans for place in plan.places))

@@ -1,12 +1,11 @@
-"""Forms of the studies' administration: a study from a file or begun empty, why it is published,
-its researchers, its personal links.
-"""
+"""Forms of the studies' administration."""
 
 import datetime
 from typing import Any
 
 from django import forms
 from django.conf import settings
+from django.core.validators import validate_email
 from django.db.models import Q
 from django.utils import timezone
 from django.utils.translation import gettext
@@ -28,7 +27,7 @@ MOST_DAYS = 366
 
 
 class StudyForm(DocumentForm):
-    """A study: how people come in, and, while it is a draft, its whole definition as JSON."""
+    """A study: who may join, and of a draft its whole definition as JSON."""
 
     reference, limit = "studies", MAX_BYTES
 
@@ -51,12 +50,10 @@ class StudyForm(DocumentForm):
         model = Study
         fields = ("entry", "exclusive")
 
-    user: Any = None  # who sends it; set by the administration on a class of its own
+    user: Any = None  # set by the administration on a subclass
 
     def clean(self) -> dict[str, Any]:
-        """Store the definition, so that what was published a moment ago is told like any other
-        problem.
-        """
+        """Store the definition here, so that a conflict is an error of the form."""
         cleaned = super().clean() or self.cleaned_data
         if self.errors:
             return cleaned
@@ -68,30 +65,28 @@ class StudyForm(DocumentForm):
         except BadDefinitionError as error:
             raise forms.ValidationError(sentences(error.problems)) from error
         except ChangedMeanwhileError as error:
-            raise forms.ValidationError(
-                gettext(
-                    "Not saved: someone else changed or published this study at the "
-                    "same time. Try again."
-                )
-            ) from error
+            words = gettext(
+                "Not saved: someone else changed or published this study at the same time. Try "
+                "again."
+            )
+            raise forms.ValidationError(words) from error
         return cleaned
 
     def _begin(self, cleaned: dict[str, Any]) -> Study:
-        if not cleaned.get("name"):
-            raise BadDefinitionError(
-                [gettext("Choose a file, paste its text, or enter a name to start an empty study.")]
+        name = cleaned.get("name")
+        if not name:
+            words = gettext(
+                "Choose a file, paste its text, or enter a name to start an empty study."
             )
-        languages = cleaned.get("spoken") or ["en"]
-        return publishing.begin_empty(
-            cleaned["name"], cleaned.get("called") or cleaned["name"], languages, timezone.now()
-        )
+            raise BadDefinitionError([words])
+        title, languages = cleaned.get("called") or name, cleaned.get("spoken") or ["en"]
+        return publishing.begin_empty(name, title, languages, timezone.now())
 
     def _take(self, definition: StudyDefinition) -> Study:
-        """Store a definition, in place of the draft that is changed."""
         is_taken = self.is_new and Study.objects.filter(slug=definition.slug).exists()
         if is_taken and not may(self.user, definition.slug, "owner"):
-            told = gettext("The name %(slug)s is taken. Choose another one.")
-            raise BadDefinitionError([told % {"slug": definition.slug}])
+            words = gettext("The name %(slug)s is taken. Choose another one.")
+            raise BadDefinitionError([words % {"slug": definition.slug}])
         self.check_version(definition.slug, definition.version)
         if not self.is_new:
             return publishing.save_draft(Study.objects.get(pk=self.instance.pk), definition)
@@ -99,48 +94,62 @@ class StudyForm(DocumentForm):
 
     @staticmethod
     def shown(study: Study) -> str:
-        """Return a definition as the text that the form takes."""
         return to_json(study.as_definition()).decode()
 
 
 class PublishForm(forms.Form):
-    """Why a study is published without a rehearsal that passed."""
-
     reason = forms.CharField(
         label=_("Reason for publishing without a rehearsal"),
         required=False,
         max_length=2000,
         widget=forms.Textarea(attrs={"rows": 3}),
     )
+    confirmed = forms.BooleanField(label=_("Yes, it is meant like this."), required=False)
+
+
+class CopyForm(forms.Form):
+    name = forms.SlugField(
+        label=_("Name"),
+        max_length=40,
+        help_text=_("Lower-case letters, digits and hyphens. Used in the address."),
+    )
+    title = forms.CharField(label=_("Title"), max_length=200)
 
 
 class MemberForm(forms.Form):
-    """A researcher, by user name or address."""
+    """A researcher by user name or address; `invited` is an address without a staff account."""
 
-    person = forms.CharField(label=_("User name or e-mail address"), max_length=254)
+    person = forms.CharField(
+        label=_("User name or e-mail address"),
+        max_length=254,
+        help_text=_("People without an account get an invitation by e-mail."),
+    )
     role = forms.ChoiceField(label=_("Role"), choices=StudyMember.Role)
+    invited = ""
 
-    def clean_person(self) -> User:
-        """Return the user; one who is no staff could not come in here."""
+    def clean_person(self) -> User | None:
+        """Return the user; None for a person to invite."""
         text = self.cleaned_data["person"].strip()
-        found = list(
-            User.objects.filter(Q(username=text) | Q(email__iexact=text), is_active=True)[:2]
-        )
-        if len(found) != 1:
-            raise forms.ValidationError(gettext("User not found."))
-        if not found[0].is_staff:
-            raise forms.ValidationError(
-                gettext(
-                    "This user has no access to the administration. An administrator "
-                    "must grant it first."
-                )
+        known = User.objects.filter(Q(username=text) | Q(email__iexact=text), is_active=True)
+        found = list(known[:2])
+        user = found[0] if len(found) == 1 else None
+        if user is not None and user.is_staff:
+            return user
+        self.invited = user.email if user is not None else text
+        words = gettext("User not found. Enter an e-mail address to invite this person.")
+        if user is not None:
+            words = gettext(
+                "This user has no access to the administration and no e-mail address for an "
+                "invitation. An administrator must grant access first."
             )
-        return found[0]
+        try:
+            validate_email(self.invited)
+        except forms.ValidationError as error:
+            raise forms.ValidationError(words) from error
+        return None
 
 
 class LinksForm(forms.Form):
-    """So many personal links."""
-
     count = forms.IntegerField(label=_("Number"), min_value=1, max_value=MOST_LINKS, initial=10)
     label = forms.CharField(
         label=_("Label"),
@@ -165,12 +174,11 @@ class LinksForm(forms.Form):
 
     def __init__(self, study: StudyDefinition, *args: Any) -> None:
         super().__init__(*args)
-        # A link to conditions that the study lacks would turn its person away at the drive.
-        there = {condition.access for condition in study.conditions}
+        # A link to an access without conditions would turn its participant away at the drive.
+        used = {condition.access for condition in study.conditions}
         access = self.fields["access"]
-        access.choices = [one for one in access.choices if one[0] in there or not there]
+        access.choices = [one for one in access.choices if one[0] in used or not used]
 
     def expires_at(self, now: datetime.datetime) -> datetime.datetime | None:
-        """Return when they expire."""
         days = self.cleaned_data["days"]
         return None if days is None else now + datetime.timedelta(days=days)

@@ -1,29 +1,39 @@
-"""What the study builder calls things: a label and a hint for each field of a definition, and words
-for what may be chosen.
-"""
+"""The words of the study builder: labels and hints of fields, and what can be chosen."""
 
 from django.utils.functional import Promise
+from django.utils.text import capfirst
 from django.utils.translation import gettext_lazy as _
+from django.utils.translation import gettext_lazy as translated
 from django.utils.translation import pgettext_lazy
 
 from experiments.definition.coding import CodingScheme
-from experiments.definition.schema import StudyCheckpoint
+from experiments.definition.factors import SETTING_NAMES
+from experiments.definition.plan import Hypothesis
+from experiments.definition.schema import Condition, StudyCheckpoint
 from experiments.definition.step import AskingStep
 from experiments.definition.wizard import Wizard, WizardStep
+from experiments.recruitment.sites import PROFILES
 from surveys.document_forms.guide import FormGuide
 from surveys.editor.labels import CHOICES as SURVEY_CHOICES
+from surveys.editor.labels import LABELS as SURVEY_LABELS
 
 Words = str | Promise
+# Settings without a button for a new factor.
+RARE_FACTORS = frozenset({"video_jitter", "control_jitter", "control_way", "angular"})
+ENDING_NAMES: dict[str, Words] = {
+    "done": _("completed"),
+    "timed_out": _("time ran out"),
+    "technical_failure": _("ended by a technical failure"),
+    "screened_out": _("turned away"),
+    "left": _("left without driving"),
+}
 
 LABELS: dict[str, Words] = {
-    "title": _("Title"),
-    "intro": _("Introduction"),
-    "source": _("Source"),
-    "licence": _("Licence"),
-    "languages": _("Languages"),
+    **{key: SURVEY_LABELS[key] for key in ("title", "intro", "source", "licence", "languages")},
     "key": _("Short name"),
     "repeat": _("Once for each condition"),
     "text": _("Text"),
+    "sharing": _("Agreement to publishing"),
     "version": _("Version"),
     "minimum_age": _("Minimum age"),
     "minors": _("Below this age"),
@@ -70,6 +80,16 @@ LABELS: dict[str, Words] = {
     "view": _("Angle (°)"),
     "InstructionPage.robot": _("Only for drivers of"),
     "InstructionPage.conditions": _("Only in these conditions"),
+    "changes": _("What it changes"),
+    "sets": _("This level sets"),
+    "shared": _("In every condition"),
+    "video_delay": _("Delay of the video (s)"),
+    "video_jitter": _("Jitter of the video (s)"),
+    "video_loss": _("Packet loss of the video (0-1)"),
+    "control_delay": _("Delay of the commands (s)"),
+    "control_jitter": _("Jitter of the commands (s)"),
+    "control_loss": _("Packet loss of the commands (0-1)"),
+    "factors": _("Factors"),
     "levels": _("Levels"),
     "measures": _("Measures"),
     "test": _("Test"),
@@ -79,12 +99,18 @@ LABELS: dict[str, Words] = {
     "conditions": _("Conditions"),
     "post_hoc": _("Compare all pairs"),
     "effects": _("Effects of the model"),
-    "coding": _("Coding of levels"),
+    "covariates": _("Covariates"),
+    "coding": _("Coding of printed coefficients"),
     "allocation": _("Assignment to conditions"),
     "left_after_hours": _("Counts as dropped out after (hours)"),
     "design": _("Design"),
     "order": _("Order"),
     "quota": _("Participants per cell"),
+    "best_probability": _("Probability of the smallest cell (0-1)"),
+    "balancing": _("Balance factors by"),
+    "balance": _("Balance factors"),
+    "limits": _("Groups begin at"),
+    "BalanceFactor.item": _("Age or answer"),
     "start": _("Before a drive starts"),
     "docked": _("Robot docked at its charging station"),
     "distance": _("Max. distance from station (m)"),
@@ -100,7 +126,8 @@ LABELS: dict[str, Words] = {
     "condition_applied": _("Condition was applied"),
     "operator_absent": _("No operator intervened"),
     "analysis": _("Analysis"),
-    "counts": _("Response counted per visitor"),
+    "drives": _("Drives that count, of several in one condition"),
+    "counts": _("Responses that count, of several by one participant"),
     "interval": _("Confidence intervals"),
     "statements": _("Questionnaire in the tables"),
     "operator": _("What it says about the hidden operator"),
@@ -110,9 +137,7 @@ LABELS: dict[str, Words] = {
     "observers_allowed": _("Other people may watch the drives"),
     "question": _("Research question"),
     "hypotheses": _("Hypotheses"),
-    "direction": _("Expected direction"),
-    "contrast": _("Number of the contrast"),
-    "effect": _("Effect of the model"),
+    "direction": _("What is expected"),
     "families": _("Families of hypotheses"),
     "alpha": _("Level of significance (0-1)"),
     "attention_checks": _("Attention checks"),
@@ -130,6 +155,7 @@ LABELS: dict[str, Words] = {
     "measure": _("Measure"),
     "condition": _("Condition"),
     "difference": _("Difference from the first condition"),
+    "level": _("Level in this condition"),
     "sd": _("Standard deviation"),
     "correlation": _("Correlation within participants (0-1)"),
     "blinding": _("Blinding"),
@@ -163,6 +189,27 @@ LABELS: dict[str, Words] = {
     "modifiers": _("Modifiers"),
     "Modifier.name": _("Name"),
     "values": _("Values"),
+    "recruiting": _("Recruitment site"),
+    "Recruiting.site": _("Site"),
+    "id_parameter": _("Parameter with the participant's id"),
+    "return_address": _("Return address"),
+    "returning": _("Who returns there"),
+    "Recruiting.codes": _("Codes that the site gave you"),
+    **{f"EndingCodes.{name}": words for name, words in ENDING_NAMES.items()},
+    "devices": _("Allowed devices"),
+    "browsers": _("Allowed browsers"),
+    "screening": _("Required answers"),
+    "answer_quotas": _("Quotas by answer"),
+    "answers": _("Answers"),
+    "at_least": _("At least"),
+    "at_most": _("At most"),
+    "AnswerQuota.most": _("Maximum number of participants"),
+    "appointments": _("Appointments"),
+    "required": _("Only participants with an appointment drive"),
+    "Appointments.minutes": _("Length (minutes)"),
+    "days_ahead": _("Bookable days ahead"),
+    "reminder_hours": _("Reminder before it (hours)"),
+    "second_after_days": _("Invite to a second session after (days)"),
 }
 
 HINTS: dict[str, Words] = {
@@ -173,7 +220,8 @@ HINTS: dict[str, Words] = {
     "repeat": _("Repeated steps must be consecutive and include the task."),
     "minimum_age": _("Asked on the consent page."),
     "picture": _(
-        "Built-in illustrations. Those of the map and the task show an example, not your course."
+        "A built-in illustration (those of the map and the task show an example, not your course), "
+        "or a file of your own: a picture of at most 2 MB, or a video of at most 8 MB."
     ),
     "doors_closed": _(
         "Doors of the site that are closed in this condition. All others are opened."
@@ -192,14 +240,54 @@ HINTS: dict[str, Words] = {
     ),
     "dock": _("Required if the site has several for this robot."),
     "quota": _("Leave blank for no limit. A cell is one condition or one order of conditions."),
+    "best_probability": _(
+        "With 1, staff who know the numbers know each assignment beforehand. 0.75 keeps cells even "
+        "and assignments unpredictable."
+    ),
+    "balancing": _(
+        "Strata count participants alike in all factors: for few factors with few levels. "
+        "Minimization counts those alike in each factor and adds up."
+    ),
+    "balance": _("What should be distributed evenly over the cells. Leave empty for nothing."),
+    "BalanceFactor.item": _(
+        "age, or questionnaire.item such as ict.games, asked before the first drive."
+    ),
+    "limits": _(
+        "Of numbers: where the second group begins, the third and so on, separated by commas."
+    ),
+    "sharing": _(
+        "Text of a second tick, which participants can leave empty. Public datasets contain only "
+        "those who set it. Leave blank not to ask."
+    ),
     "left_after_hours": _(
         "If a participant with conditions left to do is not seen for this long, their order of "
         "conditions goes to someone else."
     ),
-    "measures": _(
-        "Metrics such as task_time, or answers such as experience.q1 or experience.overall, "
-        "separated by commas."
+    "DeclaredAnalysis.measures": _(
+        "Metrics of the drives, and scores and answers of the questionnaires that the study asks."
     ),
+    "factors": _(
+        "What you vary. The conditions are all combinations of the levels, and follow by "
+        "themselves."
+    ),
+    "Factor.key": _("Used in the data. Leave blank to make it from the title."),
+    "Level.key": _("Used in the data. Leave blank to make it from the title."),
+    "Level.title": _("Leave blank to take the value."),
+    "changes": _(
+        "Save after ticking: each level then asks for its value. Tick nothing if the levels "
+        "differ in instructions, or in what people do."
+    ),
+    "shared": _(
+        "Settings that no factor changes. Where conditions differ, they are set on the page of "
+        "each condition."
+    ),
+    "video_delay": _("0.3 is 300 ms. Delays what the driver sees, and no command."),
+    "video_loss": _("Share of packets that get lost: 0.02 is 2 %."),
+    "control_delay": _(
+        "Above about 0.1 s including jitter, the robot slows down, and the study cannot be "
+        "published: delay the video instead."
+    ),
+    "control_loss": _("Share of packets that get lost: 0.02 is 2 %."),
     "contrasts": _("All contrasts of all measures are one family for Holm's correction."),
     "conditions": _("The conditions to compare if there are no contrasts. Leave blank for all."),
     "Condition.robot": _(
@@ -223,11 +311,12 @@ HINTS: dict[str, Words] = {
         "the consent. Otherwise only the participant, the people who operate the robot, and the "
         "study's owners and researchers see it."
     ),
-    "hypotheses": _(
-        "Each names the declared analysis that tests it. All other tests are exploratory."
+    "direction": _(
+        "Declare an analysis first; its effects and contrasts are then listed here. All other "
+        "tests are exploratory."
     ),
-    "contrast": _("Counted from 1. Leave blank for all contrasts of the analysis."),
-    "effect": _("Only for a mixed model, such as delay or delay:help. Leave blank for all."),
+    "Hypothesis.text": _("Leave blank to take the sentence that follows from your choices."),
+    "Hypothesis.measures": _("If you tick none, all measures of the analysis."),
     "families": _(
         "All tests of a family are corrected together. Without a family, those of one analysis are."
     ),
@@ -235,10 +324,12 @@ HINTS: dict[str, Words] = {
     "speeders": _("Participants who answer a questionnaire this fast are excluded."),
     "participants": _("Number of complete cases. Leave blank if not decided."),
     "expected": _("In the unit of the measure. The study's power is simulated from these values."),
-    "effects": _(
-        "For a mixed model: factors, interactions such as delay:help, condition, period, order; "
-        "separated by commas."
+    "level": _(
+        "Only for proportions (a share), counts (events per minute) and times (the median in "
+        "seconds), in place of a difference."
     ),
+    "covariates": _("Of a model."),
+    "effects": _("Of a model."),
     "docked": _("Otherwise the participant waits and the study's researchers get an e-mail."),
     "charge": _(
         "0.3 is 30 %; 0 accepts any charge. A robot that does not report its charge is always "
@@ -247,7 +338,6 @@ HINTS: dict[str, Words] = {
     "docked_seconds": _(
         "Counted while the robot is still and the controls are released. At least 1."
     ),
-    "outcomes": _("The task's own outcomes (completed, timed out) never count here."),
     "controllers": _("Devices the visitor may drive with."),
     "linear": _(
         "Leave blank to use the robot's limit; cannot exceed it. 0.3 m/s is a slow walk, 1.3 m/s "
@@ -300,17 +390,42 @@ HINTS: dict[str, Words] = {
     "Code.key": _("One character. The player already uses k, + and −."),
     "group": _("State events of one group end each other."),
     "values": _("Separated by commas."),
+    "recruiting": _(
+        "Without a site, the ids of Prolific, Mechanical Turk, Sona and CloudResearch are "
+        "recognized, and participants from Prolific and Mechanical Turk return by a button."
+    ),
+    "id_parameter": _("Leave blank for that of the site, such as PROLIFIC_PID."),
+    "return_address": _(
+        "Where participants go at the end. {code}, {id} and {session} are filled in. Leave blank "
+        "for that of Prolific or Mechanical Turk; Sona, CloudResearch and other sites show you one."
+    ),
+    "returning": _(
+        "If you tick none, everyone who gets a code; on Sona and CloudResearch, only those who are "
+        "usually paid."
+    ),
+    "Recruiting.codes": _(
+        "Leave blank for codes that this site makes. They stay the same in all versions."
+    ),
+    "devices": _("If you tick none, all are allowed. Checked before anything is recorded."),
+    "browsers": _("If you tick none, all are allowed."),
+    "screening": _(
+        "Participants who answer otherwise are turned away as soon as they have finished the "
+        "questionnaire."
+    ),
+    "answer_quotas": _("Participants beyond a quota are turned away. Those who leave make room."),
+    "answers": _("As in the data, separated by commas: values, not labels."),
+    "appointments": _(
+        "Participants choose a time within the study's opening hours; one at a time on each robot. "
+        "Reminders need an e-mail server and the command send_reminders."
+    ),
+    "second_after_days": _("Only participants who gave an address. Leave blank for none."),
 }
 
-# By the field, then by value.
 CHOICES: dict[str, dict[str, Words]] = {
+    "balancing": {"strata": _("strata"), "minimization": _("minimization")},
     "minors": {"refused": _("cannot take part"), "guardian": _("need a guardian's consent")},
     "access": {"open": _("anyone with the link"), "invitation": _("invited participants")},
-    "control_way": {
-        "any": _("any"),
-        "datachannel": _("WebRTC only"),
-        "mqtt": _("server only"),
-    },
+    "control_way": {"any": _("any"), "datachannel": _("WebRTC only"), "mqtt": _("server only")},
     "controllers": {
         "keyboard": _("keyboard"),
         "mouse": _("mouse"),
@@ -337,6 +452,7 @@ CHOICES: dict[str, dict[str, Words]] = {
         "slow": _("slows down and stops at obstacles"),
         "steer": _("steers around obstacles and through doors"),
     },
+    "changes": {name: capfirst(translated(words)) for name, words in SETTING_NAMES.items()},
     "design": {
         "between": _("between participants: one condition each"),
         "within": _("within participants: all conditions"),
@@ -359,12 +475,10 @@ CHOICES: dict[str, dict[str, Words]] = {
     "test": {
         "means": _("means: t tests, analysis of variance"),
         "ranks": _("ranks: Wilcoxon, Mann-Whitney, Friedman, Kruskal-Wallis"),
+        "proportions": _("proportions: completed or not"),
+        "counts": _("counts per minute: Poisson regression"),
+        "times": _("times to success: log-rank, Cox regression"),
         "mixed": _("linear mixed model"),
-    },
-    "direction": {
-        "different": _("a difference"),
-        "greater": _("first side greater"),
-        "less": _("first side smaller"),
     },
     "incomplete": {
         "keep": _("kept"),
@@ -375,15 +489,28 @@ CHOICES: dict[str, dict[str, Words]] = {
         "treatment": _("against the first level"),
         "sum": _("against the mean of all levels"),
     },
+    "drives": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "counts": {"first": _("the first"), "last": _("the last"), "all": _("all")},
     "interval": {"normal": _("normal distribution"), "t": _("Student's t")},
     "outcomes": SURVEY_CHOICES["outcome"],
+    "Recruiting.site": {
+        "any": _("any"),
+        **{name: profile.title for name, profile in PROFILES.items()},
+        "other": _("another one"),
+    },
+    "returning": ENDING_NAMES,
+    "devices": {
+        "computer": pgettext_lazy("a device", "computer"),
+        "tablet": pgettext_lazy("a device", "tablet"),
+        "phone": pgettext_lazy("a device", "phone"),
+    },
 }
 
 ITEMS: dict[str, Words] = {
     "leaves": pgettext_lazy("of the instructions", "Page"),
     "checkpoints": _("Checkpoint"),
     "zones": _("Zone"),
+    "factors": _("Factor"),
     "levels": _("Level"),
     "contrasts": _("Contrast"),
     "hypotheses": _("Hypothesis"),
@@ -391,32 +518,43 @@ ITEMS: dict[str, Words] = {
     "attention_checks": _("Attention check"),
     "speeders": _("Rule on fast answers"),
     "expected": _("Expected effect"),
+    "balance": _("Balance factor"),
     "steps": _("Step"),
     "stages": _("Stage"),
     "codes": _("Code"),
     "modifiers": _("Modifier"),
+    "screening": _("Required answer"),
+    "answer_quotas": _("Quota"),
 }
 GUIDE = FormGuide(
     LABELS,
     HINTS,
     ITEMS,
     CHOICES,
-    # Parts of a list that are added as one of several kinds, by the list.
-    kinds={"WizardStage.steps": {"": _("Line")} | CHOICES["move"]},
+    kinds={
+        "WizardStage.steps": {"": _("Line")} | CHOICES["move"],
+        "StudyDesign.factors": {
+            name: words for name, words in CHOICES["changes"].items() if name not in RARE_FACTORS
+        }
+        | {"": _("Something else")},
+    },
     hidden={
         StudyCheckpoint: frozenset({"number"}),  # its place in the list says it
         # Lists whose parts have pages of their own.
         Wizard: frozenset({"stages"}),
         CodingScheme: frozenset({"codes"}),
         AskingStep: frozenset({"version"}),  # chosen with the questionnaire
+        Hypothesis: frozenset({"analysis", "contrast", "effect"}),  # chosen with the direction
+        Condition: frozenset({"levels"}),  # they follow from the design
     },
     instead={WizardStep: {"move": frozenset({"line", "aloud"})}},
+    details=frozenset({"Factor.key", "Level.key", "changes"}),
     long=frozenset(
         {
             *("text", "intro", "source", "recruitment", "compensation", "question", "rationale"),
             *("stopping", "blinding", "missing_data", "notes", "line", "description"),
         }
     ),
-    spaced=frozenset({"values"}),
+    spaced=frozenset({"values", "answers"}),
     angles=frozenset({"angular", "heading", "view", "angle"}),
 )

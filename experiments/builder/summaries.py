@@ -1,6 +1,4 @@
-"""The lists of the study builder: what can be added to each, what its parts are called, and what is
-said of them.
-"""
+"""The lists of the study builder: what can be added, and the titles and summaries of parts."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -8,6 +6,7 @@ from typing import Any
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
 
+from experiments.builder.design import condition_facts
 from experiments.builder.labels import GUIDE
 from experiments.definition.steps import KINDS
 from experiments.participation.steps import page_type
@@ -16,11 +15,9 @@ from surveys.documents import text_in
 
 
 def kinds(section: str) -> list[tuple[str, Any]]:
-    """Return what can be added to a list: each kind with its label."""
     if section == "steps":
         return [(kind, page_type(kind).label) for kind in KINDS]
     named = {
-        "factors": _("Factor"),
         "conditions": _("Condition"),
         "courses": _("Course"),
         "analyses": _("Analysis"),
@@ -31,7 +28,6 @@ def kinds(section: str) -> list[tuple[str, Any]]:
 
 
 def title_of(part: Document, whole: Document) -> str:
-    """Return what a step, condition or course is called, in the first language that has it."""
     named = {"robot": part.get("robot", ""), "site": part.get("site", "")}
     return (
         text_in(part.get("title", {}), whole["languages"])
@@ -45,9 +41,7 @@ def title_of(part: Document, whole: Document) -> str:
 def about(
     section: str, part: Document, whole: Document, titles: Mapping[tuple[str, int], str]
 ) -> Iterator[Any]:
-    """Yield what a list says of one of its parts below its title; empty texts among it. `titles`
-    are those of questionnaires, by name and version.
-    """
+    """Yield the summary of a part, with empty texts; `titles` by questionnaire and version."""
     if section == "steps":
         yield page_type(part["kind"]).label
         if "questionnaire" in part:
@@ -56,9 +50,6 @@ def about(
             yield _("%(title)s, version %(n)d") % {"title": title, "n": version}
         yield _("%(n)g min") % {"n": part["minutes"]} if "minutes" in part else ""
         yield _("for each condition") if part.get("repeat") else ""
-    elif section == "factors":
-        yield GUIDE.word("design", part.get("design", "between"))
-        yield ", ".join(title_of(level, whole) for level in part.get("levels", ()))
     elif section == "analyses":
         yield GUIDE.word("test", part.get("test", "means"))
         yield ", ".join(part.get("measures", ()))
@@ -70,20 +61,17 @@ def about(
         yield part.get("key", "")
         yield part.get("group", "")
     elif section == "conditions":
-        yield ", ".join(part.get("levels", {}).values())
+        own = part.get("levels", {})
+        chosen = [
+            title_of(level, whole)
+            for factor in whole["factors"]
+            for level in factor.get("levels", ())
+            if own.get(factor["key"]) == level["key"]
+        ]
+        yield ", ".join(chosen)
         yield _("%(robot)s at %(site)s") % {"robot": part["robot"], "site": part["site"]}
         yield _("by invitation") if part.get("access") == "invitation" else ""
-        yield (
-            _("assistance: %(level)s") % {"level": GUIDE.word("assist", part["assist"])}
-            if "assist" in part
-            else ""
-        )
-        yield (
-            _("closed: %(doors)s") % {"doors": ", ".join(part["doors_closed"])}
-            if part.get("doors_closed")
-            else ""
-        )
-        yield _("network impaired") if part.get("network") else ""
+        yield from condition_facts(part)
     else:
         n = len(part["checkpoints"])
         yield ngettext("%(n)d checkpoint", "%(n)d checkpoints", n) % {"n": n}

@@ -1,235 +1,180 @@
-"""The study builder: a definition edited page by page, without JSON and without JavaScript. Mixed
-into the studies' administration.
+"""The study builder: pages that edit a definition without JSON and JavaScript.
 
-A page is a form over one place of the definition (experiments/builder/pages.py). Every button of it
-sends the whole form: what was typed is kept with each part that is added, removed or moved. A draft
-may be saved half done; what is still wrong stands above the form.
+A page is a form over one place of the definition (experiments/builder/pages.py). Every button sends
+the whole form, so that adding, removing or moving a part loses no input. Drafts may be incomplete;
+their problems are listed above the form.
 """
 
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable
+from dataclasses import astuple, dataclass, replace
 from typing import Any
 
 import msgspec
 from django.contrib import messages
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect, JsonResponse
-from django.shortcuts import render
-from django.urls import URLPattern, path, reverse
+from django.urls import URLPattern, reverse
+from django.utils import timezone
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
-from django.views.decorators.cache import never_cache
 
-from experiments import publishing
+from experiments import instruction_media, publishing
 from experiments.access import may
+from experiments.builder import choices, pages
 from experiments.builder.advice import advice
-from experiments.builder.choices import (
-    at_hand,
-    offered,
-    places,
-    questionnaire_titles,
-    speeds_refused,
-)
-from experiments.builder.course_ground import course_check, drawn_course
+from experiments.builder.arrangement import Renamed, arranged, renamed
+from experiments.builder.design import complete, design_table, renaming, restore, set_by_levels
 from experiments.builder.labels import GUIDE
-from experiments.builder.pages import (
-    INNER_LISTS,
-    LISTS,
-    PAGES,
-    PLAN,
-    BuilderPlace,
-    by_factors,
-    clicked_point,
-    copied,
-    middle_of,
-    new_analysis,
-    new_code,
-    new_condition,
-    new_course,
-    new_factor,
-    new_part,
-    new_script_step,
-    new_stage,
-    new_step,
-    parts_in,
-    renumber,
-    with_parts,
-)
+from experiments.builder.pages import DESIGN, INNER_LISTS, LISTS, PLAN, BuilderPlace, parts_in
 from experiments.builder.study_form import StudyPartForm
+from experiments.builder.study_page import StudyPages
 from experiments.builder.summaries import about, kinds, title_of
-from experiments.definition.schema import Course, StudyDefinition
+from experiments.definition.problems import doubts, problems
+from experiments.definition.schema import Condition, StudyDefinition
 from experiments.definition.steps import KINDS
 from experiments.models import Study as Row
 from experiments.participation.steps import page_type
-from experiments.research.study_access import study_for
+from robots.floorplans import plan_content
+from robots.models import FloorPlan
+from surveys.document_forms.part_form import MEANWHILE, SubmittedPart, number, pressed
 from surveys.document_forms.parts import Document, change
-from surveys.document_forms.problem_text import by_place, text_name
-from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
-from surveys.documents import ChangedMeanwhileError, Problem
+from surveys.document_forms.problem_text import by_place, sentences, text_name
+from surveys.documents import ChangedMeanwhileError, Problem, ProblemPlace
 from surveys.editor.views import leads_here
 
 TITLES = {
     "about": gettext_lazy("About the study"),
-    "steps": gettext_lazy("Steps"),
-    "factors": gettext_lazy("Factors"),
+    "recruitment": gettext_lazy("Recruitment"),
+    DESIGN: gettext_lazy("Design"),
     "conditions": gettext_lazy("Conditions"),
     "courses": gettext_lazy("Courses"),
+    "steps": gettext_lazy("Steps"),
     "analyses": gettext_lazy("Analyses"),
     PLAN: gettext_lazy("Plan"),
     "rules": gettext_lazy("Rules"),
     "wizard": gettext_lazy("Hidden operator"),
     "coding": gettext_lazy("Coding of replays"),
 }
-WALK_THROUGH = "walk_through"  # beside the sections: experiments/study_admin/walk_through.py
+WALK_THROUGH = "walk_through"  # the tab of experiments/study_admin/walk_through.py
 MOST_SHOWN = 40  # problems above a form
+TEMPLATES = {"courses": "course", DESIGN: "design"}  # of forms; "part" of all others
 
 
 @dataclass(frozen=True)
 class LinkedProblem:
-    """A problem, and the page on which it is mended."""
-
     text: str
     url: str = ""
 
 
 def whole_of(row: Row) -> Document:
-    """Return the definition of a study as a plain document."""
     document: Document = msgspec.to_builtins(row.as_definition())
     return {**{name: [] for name in LISTS}, **document}
 
 
 def address(row: Row, place: BuilderPlace) -> str:
-    """Return the address of a page of the builder."""
-    if place.index is None:
-        page = INNER_LISTS.get(place.section, place.section)
+    """Return the address of a page of the builder; that of the design has all factors."""
+    if place.index is None or place.section == "factors":
+        page = {**INNER_LISTS, "factors": DESIGN}.get(place.section, place.section)
         return reverse("admin:experiments_study_section", args=[row.pk, page])
     return reverse("admin:experiments_study_part", args=[row.pk, place.section, place.index])
 
 
 def sections(row: Row) -> list[dict[str, Any]]:
-    """Return the builder's sections as entries of a row of tabs, lists with their lengths; the last
-    leads through the study as it is built.
-    """
-    walk = reverse("admin:experiments_study_walk_through", args=[row.pk])
+    """Return the tabs of the builder, lists with their lengths; the last is the walk through."""
     found = [
         {
             "key": name,
-            "label": _title(name),
+            "label": str(title),
             "url": address(row, BuilderPlace(name)),
             "count": len(row.definition.get(name, ())) if name in LISTS else None,
         }
-        for name in TITLES
+        for name, title in TITLES.items()
     ]
+    walk = reverse("admin:experiments_study_walk_through", args=[row.pk])
     last = {"key": WALK_THROUGH, "label": _("Walk through"), "url": walk, "count": None}
     return [*found, last]
 
 
-def told(row: Row) -> list[LinkedProblem]:
-    """Return everything that is wrong with a study, or stands in its way here."""
+def linked_problems(row: Row) -> list[LinkedProblem]:
+    return linked(row, publishing.problems_of(row))
+
+
+def linked_doubts(row: Row) -> list[LinkedProblem]:
+    return linked(row, doubts(row.as_definition()))
+
+
+def linked(row: Row, found: Iterable[Problem]) -> list[LinkedProblem]:
     whole = whole_of(row)
-    found = by_place(
-        publishing.problems_of(row),
-        lambda one: one.sentence(_),
-        lambda one: _text_name(one, whole),
-    )
-    pages = {
-        place: address(row, BuilderPlace(place.section, place.part)) if place.section else ""
-        for place in found
-    }
-    return [LinkedProblem(text, pages[place]) for place, texts in found.items() for text in texts]
+
+    def title(part: Document) -> str:
+        return title_of(part, whole) if "key" in part else ""
+
+    def name(one: Problem) -> str:
+        part = BuilderPlace(one.place.section, one.place.part).part(whole)
+        around = [title_of(part, whole)] if part is not None and part is not whole else []
+        return " · ".join([*around, text_name(GUIDE, part, one.path, title)])
+
+    return [
+        LinkedProblem(text, address(row, BuilderPlace(*astuple(place))) if place.section else "")
+        for place, texts in by_place(found, lambda one: one.sentence(_), name).items()
+        for text in texts
+    ]
 
 
-def _text_name(one: Problem, whole: Document) -> str:
-    """Return what a text that is missing is called, with the part of the study that it is in."""
-    part = BuilderPlace(one.place.section, one.place.part).part(whole)
-    title = [title_of(part, whole)] if part is not None and part is not whole else []
-    name = text_name(
-        GUIDE, part, one.path, lambda inner: title_of(inner, whole) if "key" in inner else ""
-    )
-    return " · ".join([*title, name])
-
-
-class BuilderPages:
-    """The pages of the builder."""
-
+class BuilderPages(StudyPages):
     def builder_urls(self) -> list[URLPattern]:
-        """Return their addresses."""
-        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
-        start = "<uuid:pk>/build/<slug:section>/"
+        start = "build/<slug:section>/"
         return [
-            path(start, guard(never_cache(self.section_view)), name="experiments_study_section"),
-            path(
-                f"{start}<int:index>/",
-                guard(never_cache(self.part_view)),
-                name="experiments_study_part",
-            ),
-            path(
-                f"{start}<int:index>/check/",
-                guard(never_cache(self.check_view)),
-                name="experiments_study_check",
-            ),
+            self.study_path(start, self.section_view, "section"),
+            self.study_path(f"{start}<int:index>/", self.part_view, "part"),
+            self.study_path(f"{start}<int:index>/check/", self.check_view, "check"),
         ]
 
-    def section_view(self, request: HttpRequest, pk: Any, section: str) -> HttpResponse:
-        """Show a page of the study's own fields, or a list of its parts; a POST changes them."""
-        row = study_for(request, pk, "viewer")
-        if section in PAGES or section == PLAN:
+    def section_view(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
+        if section in {*pages.PAGES, PLAN, DESIGN}:
             return self._form(request, row, BuilderPlace(section))
-        if section not in LISTS and section not in INNER_LISTS:
+        if section not in {*LISTS, *INNER_LISTS} - {"factors"}:
             raise Http404
         if request.method == "POST":
-            return self._change_list(request, _to_change(request, row), section)
+            return self._change_list(request, row, section)
         if section in INNER_LISTS:
             return HttpResponseRedirect(address(row, BuilderPlace(section)))
-        return self._render(
-            request,
-            row,
-            "list",
-            section,
-            {"parts": list(_listed(row, section)), "kinds": kinds(section)},
-        )
+        return self._render(request, row, BuilderPlace(section), _list_of(row, section))
 
-    def part_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> HttpResponse:
-        """Show one step, condition or course; a POST changes it."""
-        return self._form(request, study_for(request, pk, "viewer"), BuilderPlace(section, index))
+    def part_view(self, request: HttpRequest, row: Row, section: str, index: int) -> HttpResponse:
+        return self._form(request, row, BuilderPlace(section, index))
 
-    def check_view(self, request: HttpRequest, pk: Any, section: str, index: int) -> JsonResponse:
-        """Tell what stands in the way of a course as it is on the page, saved or not."""
-        row, place = study_for(request, pk, "viewer"), BuilderPlace(section, index)
+    def check_view(self, request: HttpRequest, row: Row, section: str, index: int) -> JsonResponse:
+        """Return the problems of a course as it is on the page, saved or not."""
+        place = BuilderPlace(section, index)
         whole = whole_of(row)
         part = place.part(whole)
         if request.method != "POST" or section != "courses" or part is None:
             raise Http404
-        draft = _read(request, place, part)
+        draft = _read(request, row, place, whole)
         if draft.errors:
-            return JsonResponse(
-                {"problems": list(dict.fromkeys(draft.errors.values())), "checkpoints": []}
-            )
+            found = list(dict.fromkeys(draft.errors.values()))
+            return JsonResponse({"problems": found, "checkpoints": []})
         study = msgspec.convert(place.put(whole, draft.part), StudyDefinition)
         return JsonResponse(course_check(study, index))
-
-    # --- forms ------------------------------------------------------------------------------------
 
     def _form(self, request: HttpRequest, row: Row, place: BuilderPlace) -> HttpResponse:
         whole = whole_of(row)
         part = place.part(whole)
-        if part is None:
+        if part is None or place.section == "factors":
             raise Http404
         if request.method != "POST":
             return self._show(request, row, place, SubmittedPart(part))
-        _to_change(request, row)
-        draft = _read(request, place, part)
-        saved = None if draft.errors else _save(request, row, place, draft)
-        if saved is None:
-            return self._show(request, Row.objects.get(pk=row.pk), place, draft, status=422)
-        publishing.log(
-            saved,
-            request.user,
-            f"Changed: {place.section}{'' if place.index is None else f' {place.index + 1}'}.",
-        )
+        _require_change(request, row)
+        draft = _read(request, row, place, whole)
+        draft.above += [] if draft.errors else _save(request, row, place, draft)
+        row.refresh_from_db()
+        if draft.errors or draft.above:
+            return self._show(request, row, place, draft, status=422)
+        n = "" if place.index is None else f" {place.index + 1}"
+        publishing.log(row, request.user, f"Changed: {place.section}{n}.")
         messages.success(request, _("Saved."))
-        return HttpResponseRedirect(
-            address(row, place) + (f"#{draft.anchor}" if draft.anchor else "")
-        )
+        anchor = f"#{draft.anchor}" if draft.anchor else ""
+        return HttpResponseRedirect(address(row, place) + anchor)
 
     def _show(
         self,
@@ -239,214 +184,256 @@ class BuilderPages:
         draft: SubmittedPart,
         status: int = 200,
     ) -> HttpResponse:
-        whole, part = whole_of(row), draft.part
-        former = place.part(whole) or part
-        cls = place.cls(former)
-        form = StudyPartForm(
-            cls,
-            part,
-            languages=whole["languages"],
-            offered=offered(whole, part),
-            only=place.only,
-            is_sent=bool(draft.errors),
-            decided=("Allocation.design",) if whole["factors"] else (),
-        )
-        for name in draft.errors.keys() & form.fields.keys() - form.errors.keys():
-            form.add_error(name, draft.errors[name])
+        whole = whole_of(row)
+        former = place.part(whole) or draft.part
+        form = _shown_form(row, place, draft, whole, former)
         if "questionnaire" in former:
             leads_here(request, row.shown_title, address(row, place))
-        language = get_language() or ""
-        advised = advice(row.as_definition(), place, language)
-        context = {
+        advised = advice(row.as_definition(), place, get_language() or "")
+        context: Document = {
             "advice": [LinkedProblem(text, address(row, other)) for text, other in advised],
             "form": form,
             "place": place,
             "above": draft.above,
             "has_errors": bool(draft.errors),
             "part_title": title_of(former, whole) if place.index is not None else "",
-            "kind": page_type(former["kind"]).label if place.section == "steps" else "",
-            "told": page_type(former["kind"]).told if place.section == "steps" else "",
-            "walked": former["key"] if place.section == "steps" else "",
         }
+        if place.section == "steps":
+            page = page_type(former["kind"])
+            context |= {"kind": page.label, "told": page.note, "walked": former["key"]}
+        elif place.section == "courses":
+            args = [row.pk, "courses", place.index]
+            check = reverse("admin:experiments_study_check", args=args)
+            context |= {"course": drawn_course(draft.part), "check": check}
+        elif place.section == DESIGN:
+            table = design_table(row.as_definition())
+            context |= {"table": table, "shared": form.offered["shared"]}
         inner = next((one for one, page in INNER_LISTS.items() if page == place.section), None)
         if inner is not None and whole.get(place.section) is not None:
-            context |= {
-                "list_title": GUIDE.label(inner),
-                "list_address": reverse("admin:experiments_study_section", args=[row.pk, inner]),
-                "parts": list(_listed(row, inner)),
-                "kinds": kinds(inner),
-            }
-        if place.section == "courses":
-            context |= {
-                "course": drawn_course(part),
-                "check": reverse(
-                    "admin:experiments_study_check", args=[row.pk, "courses", place.index]
-                ),
-            }
-        return self._render(
-            request,
-            row,
-            "course" if place.section == "courses" else "part",
-            place.section,
-            context,
-            place=place,
-            status=status,
-        )
+            listed = reverse("admin:experiments_study_section", args=[row.pk, inner])
+            context |= {"list_title": GUIDE.label(inner), "list_address": listed}
+            context |= _list_of(row, inner)
+        return self._render(request, row, place, context, status)
 
     def _render(
-        self,
-        request: HttpRequest,
-        row: Row,
-        page: str,
-        section: str,
-        more: Document,
-        *,
-        place: BuilderPlace | None = None,
-        status: int = 200,
+        self, request: HttpRequest, row: Row, place: BuilderPlace, more: Document, status: int = 200
     ) -> HttpResponse:
-        found = told(row)
-        mine = [one for one in found if place is None or one.url == address(row, place)]
-        context = (
-            self.admin_site.each_context(request)
-            | {  # type: ignore[attr-defined]
-                "title": _title(INNER_LISTS.get(section, section)),
-                "opts": self.opts,
-                "study": row,
-                "study_tab": "builder",
-                "section": INNER_LISTS.get(section, section),  # type: ignore[attr-defined]
-                "sections": sections(row),
-                "problems": mine[:MOST_SHOWN],
-                "elsewhere": len(found) - len(mine),
-                "may_change": _may_change(request, row),
-                "pilots": row.participants.count(),
-            }
+        """Show a list, or the form of a `place` with its own problems; `more` is its context."""
+        found, tab = linked_problems(row), INNER_LISTS.get(place.section, place.section)
+        is_form = "form" in more
+        mine = [one for one in found if not is_form or one.url == address(row, place)]
+        context = {
+            "section": tab,
+            "sections": sections(row),
+            "problems": mine[:MOST_SHOWN],
+            "doubts": linked_doubts(row),
+            "elsewhere": len(found) - len(mine),
+            "may_change": _may_change(request, row),
+            "pilots": row.participants.count(),
+        } | more
+        page = TEMPLATES.get(place.section, "part") if is_form else "list"
+        return self.study_page(
+            request, row, f"builder_{page}", TITLES[tab], context, tab="builder", status=status
         )
-        return render(
-            request, f"admin/experiments/study/builder_{page}.html", context | more, status=status
-        )
-
-    # --- lists ------------------------------------------------------------------------------------
 
     def _change_list(self, request: HttpRequest, row: Row, section: str) -> HttpResponse:
+        _require_change(request, row)
         verb, what = pressed(request.POST, 2)
         whole = whole_of(row)
-        parts = changed = parts_in(whole, section)
+        parts, place = parts_in(whole, section), BuilderPlace(section)
+        n = number(what)
         if verb == "add":
-            changed = [*parts, _new(section, what, whole)]
+            new = _new(section, what, whole)
+            n = len(parts) if section != "steps" else pages.landing(whole, new)
+            if n is None:
+                raise Http404
+            changed, place = [*parts[:n], new, *parts[n:]], BuilderPlace(section, n)
         else:
-            n = number(what)
             changed = change(parts, verb, n)
             if verb == "copy" and len(changed) > len(parts):
-                changed[n + 1] = copied(section, parts[n], whole)
-        whole = with_parts(whole, section, changed)
-        saved = _keep(row, whole) if request.POST.get("sha256") == row.sha256 else str(MEANWHILE)
-        if isinstance(saved, str):
-            messages.error(request, saved)
-        elif verb == "add":
-            return HttpResponseRedirect(address(row, BuilderPlace(section, len(parts))))
-        return HttpResponseRedirect(address(row, BuilderPlace(section)))
-
-
-def _title(section: str) -> str:
-    return str(TITLES[section])
+                changed[n + 1] = pages.copied(section, parts[n], whole)
+                place = BuilderPlace(section, n + 1)
+        is_same = request.POST.get("sha256") == row.sha256
+        new_whole = pages.with_parts(whole, section, changed)
+        reasons = _store(row, new_whole) if is_same else [str(MEANWHILE)]
+        for reason in reasons:
+            messages.error(request, reason)
+            place = BuilderPlace(section)
+        return HttpResponseRedirect(address(row, place))
 
 
 def _may_change(request: HttpRequest, row: Row) -> bool:
     return row.status == Row.Status.DRAFT and may(request.user, row.slug, "owner")
 
 
-def _to_change(request: HttpRequest, row: Row) -> Row:
-    """Return the row when it may be changed; for whoever may not, a page that changes it is not
-    there.
-    """
+def _require_change(request: HttpRequest, row: Row) -> None:
     if not _may_change(request, row):
         raise Http404
-    return row
 
 
-def _read(request: HttpRequest, place: BuilderPlace, former: Document) -> SubmittedPart:
-    """Return what a form says after its button: `save`, `add:<list>`, or
-    `remove|up|down:<list>:<n>`.
-    """
+def _shown_form(
+    row: Row, place: BuilderPlace, draft: SubmittedPart, whole: Document, former: Document
+) -> StudyPartForm:
+    form = StudyPartForm(
+        place.cls(former),
+        draft.part,
+        languages=whole["languages"],
+        offered=choices.offered(row, whole, draft.part, place.section),
+        only=place.only,
+        is_sent=bool(draft.errors),
+        decided=("Allocation.design",) if whole["factors"] else (),
+    )
+    for name in draft.errors.keys() & form.fields.keys() - form.errors.keys():
+        form.add_error(name, draft.errors[name])
+    if place.section == "conditions":
+        for name, title in set_by_levels(row.as_definition(), former["key"]).items():
+            form.fix(name, _("Set by the level “%(title)s” of the design.") % {"title": title})
+    return form
+
+
+def _read(request: HttpRequest, row: Row, place: BuilderPlace, whole: Document) -> SubmittedPart:
+    """Return a form after its button: `save`, `add:<list>`, or `remove|up|down:<list>:<n>`."""
+    former, study = place.part(whole) or {}, row.as_definition()
     cls = place.cls(former)
     part = StudyPartForm.read(cls, request.POST, only=place.only)
-    anchor = _press(part, request.POST)
-    if cls is Course:
-        part = renumber(part)
-    told = StudyPartForm(cls, part, only=place.only, is_sent=True).told
-    if place.section == "conditions" and not told:
-        told = speeds_refused(part)
-    return SubmittedPart(part, told, anchor=anchor)
+    refused = _store_media(request, row, part)
+    anchor = _press(part, request.POST, place, cls, whole["languages"])
+    match place.section:
+        case "courses":
+            part = pages.renumber(part)
+        case "conditions":
+            restore(part, former, set_by_levels(study, former["key"]))
+        case "design":
+            complete(part, whole, whole["languages"])
+        case "analyses":
+            choices.write_contrasts(study, part)
+        case "plan":
+            choices.write_claims(study, part)
+    listed: Document = {"shared": request.POST.getlist("shared_fields")}
+    errors = StudyPartForm(cls, part, offered=listed, only=place.only, is_sent=True).refusals
+    if place.section == "conditions" and not errors:
+        errors = choices.speeds_refused(part)
+    return SubmittedPart(part, errors | refused, anchor=anchor)
 
 
-def _press(part: Document, sent: Any) -> str:
-    """Do what the button of a form says to one of the lists in it, and return where the page goes
-    on.
-    """
-    verb, key, n = pressed(sent)
-    values = part.get(key, [])
-    if verb == "add" and key == "steps":
-        step = new_script_step(part, n, places(publishing.sites().values()))
-        part[key] = [*values, step] if step else values
-        return f"{key}.{len(values)}"
-    if verb == "add" and key in GUIDE.items:
-        middle = middle_of(publishing.sites().get(part.get("site", "")))
-        at = clicked_point(sent.get("at", ""), middle)
-        part[key] = [*values, new_part(key, len(values), at)]
-        return "course" if sent.get("at") else f"{key}.{len(values)}"
-    if isinstance(part.get(key), list):
-        part[key] = change(values, verb, number(n))
-    return key
+def _store_media(request: HttpRequest, row: Row, part: Document) -> dict[str, str]:
+    """Store uploads for pages of instructions; return the errors by field of the picture."""
+    refused = {}
+    for n, page in enumerate(part.get("leaves", ())):
+        name = f"leaves.{n}.picture"
+        if file := request.FILES.get(f"{name}.file"):
+            try:
+                page["picture"] = instruction_media.store(row.slug, file, timezone.now())
+            except instruction_media.RefusedMediaError as error:
+                refused[name] = str(error)
+    return refused
 
 
-def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> Row | None:
-    """Keep what a form says; None with the reason in the draft when that cannot be."""
+def _press(
+    part: Document, sent: Any, place: BuilderPlace, cls: type[Any], languages: Collection[str]
+) -> str:
+    """Apply a button of a form to one of the lists in it; return the anchor to continue at."""
+    verb, name, what = pressed(sent)
+    values = StudyPartForm.list_in(part, name, cls, place.only)
+    if values is None or verb not in {"add", "remove", "up", "down"}:
+        return ""
+    if verb != "add":
+        values[:] = change(values, verb, number(what))
+        return name
+    if name == "steps":
+        new = pages.new_script_step(part, what, choices.places(publishing.sites().values()))
+    else:
+        middle = pages.middle_of(publishing.sites().get(part.get("site", "")))
+        at = pages.clicked_point(sent.get("at", ""), middle)
+        new = pages.new_part(name, values, what, languages, at)
+    values += [new] if new else []
+    return "course" if sent.get("at") else f"{name}.{len(values) - 1}"
+
+
+def _save(request: HttpRequest, row: Row, place: BuilderPlace, draft: SubmittedPart) -> list[str]:
     if request.POST.get("sha256") != row.sha256:
-        draft.above.append(str(MEANWHILE))
-        return None
-    kept = _keep(row, place.put(whole_of(row), draft.part))
-    if isinstance(kept, str):
-        draft.above.append(kept)
-        return None
-    return kept
+        return [str(MEANWHILE)]
+    whole, part = whole_of(row), draft.part
+    names = Renamed()
+    if place.section == DESIGN:
+        names = renaming(part)
+    elif place.index is not None and place.section in {"conditions", "analyses"}:
+        old = parts_in(whole, place.section)[place.index]["key"]
+        names = Renamed(**{place.section: {old: part["key"]}})
+    return _store(row, place.put(renamed(whole, names), part), draws=place.section == DESIGN)
 
 
-def _keep(row: Row, whole: Document) -> Row | str:
+def _store(row: Row, whole: Document, *, draws: bool = False) -> list[str]:
+    """Store a study with what its design implies, or return why not; `draws` adds courses."""
     try:
-        return publishing.save_draft(row, msgspec.convert(by_factors(whole), StudyDefinition))
+        study, here = msgspec.convert(whole, StudyDefinition), choices.at_hand()
+        blank = msgspec.convert(pages.new_condition(whole, here), Condition)
+        study = arranged(study, row.as_definition(), blank)
+        if draws:
+            document = pages.with_courses(msgspec.to_builtins(study), here)
+            study = msgspec.convert(document, StudyDefinition)
+        publishing.save_draft(row, study)
     except msgspec.ValidationError as error:
-        return f"{error}."
+        return [f"{error}."]
     except ChangedMeanwhileError:
-        return _("Not saved: someone changed or published this study at the same time. Try again.")
+        words = _("Not saved: someone changed or published this study at the same time. Try again.")
+        return [words]
+    return []
 
 
-# --- what is shown --------------------------------------------------------------------------------
-
-
-def _listed(row: Row, section: str) -> Iterator[dict[str, Any]]:
-    whole, titles = whole_of(row), questionnaire_titles() if section == "steps" else {}
-    for n, part in enumerate(parts_in(whole, section)):
-        yield {
+def _list_of(row: Row, section: str) -> Document:
+    """Return the parts of a list, the kinds to add, and whether they follow from the design."""
+    whole = whole_of(row)
+    is_derived = section == "conditions" and bool(whole["factors"])
+    titles = choices.questionnaire_titles() if section == "steps" else {}
+    parts = [
+        {
             "url": address(row, BuilderPlace(section, n)),
             "n": n,
             "title": title_of(part, whole),
             "about": list(about(section, part, whole, titles)),
         }
+        for n, part in enumerate(parts_in(whole, section))
+    ]
+    offered_kinds = [
+        (kind, words)
+        for kind, words in ([] if is_derived else kinds(section))
+        if section != "steps" or pages.landing(whole, _new(section, kind, whole)) is not None
+    ]
+    return {"parts": parts, "kinds": offered_kinds, "is_derived": is_derived}
+
+
+def drawn_course(course: Document) -> Document:
+    """Return what draws the ground of a course; the plan of an unknown site is None."""
+    plan = FloorPlan.objects.filter(name=course.get("site", "")).first()
+    content = plan_content(plan) if plan is not None else None
+    return {"plan": content, "robot": course.get("robot", "")}
+
+
+def course_check(study: StudyDefinition, n: int) -> Document:
+    """Return the problems of a course, and of its conditions because of it, with checkpoints."""
+    course = study.courses[n]
+    mine = (one for one in problems(study) if one.place == ProblemPlace("courses", n))
+    place = (course.robot, course.site)
+    conditions = tuple(one for one in study.conditions if (one.robot, one.site) == place)
+    task = tuple(step for step in study.steps if step is study.task)
+    alone = msgspec.structs.replace(study, courses=(course,), conditions=conditions, steps=task)
+    # Missing texts are listed above the form; on its page the course needs no name.
+    found = [
+        replace(one, names=one.names[1:]) if one.place.section == "courses" else one
+        for one in (*mine, *publishing.obstacles_here(alone))
+        if not one.language
+    ]
+    numbers = {one.path[1] for one in found if one.path[:1] == ("checkpoints",)}
+    return {"problems": sentences(found), "checkpoints": sorted(numbers)}
 
 
 def _new(section: str, kind: str, whole: Document) -> Document:
     if section == "steps":
         if kind not in KINDS:
             raise Http404
-        return new_step(kind, page_type(kind).blank, whole)
-    blank = {
-        "factors": new_factor,
-        "analyses": new_analysis,
-        "stages": new_stage,
-        "codes": new_code,
-    }
-    if section in blank:
-        return blank[section](whole)
-    return (
-        new_condition(whole, at_hand()) if section == "conditions" else new_course(whole, at_hand())
-    )
+        return pages.new_step(kind, page_type(kind).blank, whole)
+    if section not in {"conditions", "courses"}:
+        return pages.new_in(section, whole)
+    make = pages.new_condition if section == "conditions" else pages.new_course
+    return make(whole, choices.at_hand())

@@ -1,42 +1,51 @@
-"""How well coders agree. Pure: numbers in, numbers out.
+"""How well coders agree.
 
-Time is cut into bins of one declared width. In each bin a coder either coded a code or did not: an
-interval counts in the bins whose middle it covers, a point in the bin that it lies in. Bins are the
-units, coders the judges, and each code is a variable of its own with two values.
+By time, the units are bins of one declared width, coders the judges, and each code is a variable
+with two values: an interval counts in the bins whose middle it covers, a point in its own bin. For
+all codes together, the value of a bin is the set of codes in it.
 
 - Cohen's kappa (Cohen, 1960, "A coefficient of agreement for nominal scales", Educational and
   Psychological Measurement 20, 37-46): (p_o - p_e) / (1 - p_e).
 - Krippendorff's alpha for nominal data, any number of coders and missing values (Krippendorff,
   2011, "Computing Krippendorff's Alpha-Reliability"): 1 - D_o / D_e from the matrix of
   coincidences.
-- Beside them, how many events of two coders lie within a tolerance of each other (their beginnings
-  do), each matched once, in order of time.
 
-Events of two coders are aligned: first those of one code that match, then the nearest of what is
-left, which the coders took for different codes; the rest only one of them has. Nobody can count the
-events that both left out, so the cell (none, none) is a structural zero, and kappa takes its
-expected shares from quasi-independence (Bakeman, Quera and Gnisci, 2009, "Observer agreement for
+By events, the units are the events of two coders, aligned (alignment.py). Events that both omitted
+cannot be counted, so the cell (none, none) is a structural zero, and the expected shares of kappa
+are those of quasi-independence (Bakeman, Quera and Gnisci, 2009, "Observer agreement for
 timed-event sequential data", Behavior Research Methods 41, 137-147). Without such a cell this is
 Cohen's kappa.
+
+Bins and events of one session depend on each other, so confidence intervals resample sessions: they
+are those of the jackknife that leaves out one session at a time, with Student's t on Fisher's z
+(Efron and Tibshirani, 1993, An Introduction to the Bootstrap, chapter 11). They describe other
+sessions of the same coders. Of a single session, parts of BLOCK_S seconds are left out.
+
+Alpha and the kappa of events are formulas of the summed tables: the package krippendorff needs an
+array of units × values × values, which is too large for the sets of codes of a whole study.
 """
 
-from bisect import bisect_left, bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import combinations
-from typing import NamedTuple
+from itertools import combinations, permutations
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
+from experiments.coding.alignment import aligned, matched
 from experiments.coding.scheme import CodedEvent
 
 MAX_BINS = 200_000
 FITTING_ROUNDS = 200
 TINY = 1e-12
+BLOCK_S = 30.0
+LEAST_CLUSTERS = 5  # sessions, or blocks of one
+LEVEL = 0.95
 
 Floats = NDArray[np.float64]
 Units = NDArray[np.int64]
+Pair = tuple[int, int]
 # Duration in seconds, and the events of each coder in the same order of coders; None for one who
 # did not code the session.
 SessionCodings = tuple[float, Sequence[Sequence[CodedEvent] | None]]
@@ -44,234 +53,277 @@ SessionCodings = tuple[float, Sequence[Sequence[CodedEvent] | None]]
 
 @dataclass(frozen=True)
 class Matches:
-    """Events of two coders: in both within the tolerance, only in the first, only in the second."""
+    """Numbers of events: of both coders within the tolerance, and of each coder alone."""
 
-    both: int
-    first: int
-    second: int
-
-
-# --- figures --------------------------------------------------------------------------------------
+    both: int = 0
+    first: int = 0
+    second: int = 0
 
 
-class Sums(NamedTuple):
-    """What kappa and alpha need of n tables (or matrices of coincidences) of k categories:
-    `agreed` is (n,), the diagonal's sum; `rows` and `columns` are (n, k), the marginal sums.
+@dataclass(frozen=True)
+class ReliabilityEstimate:
+    """A value and its 95 % confidence interval; None where it is not defined."""
+
+    value: float | None
+    low: float | None = None
+    high: float | None = None
+
+
+@dataclass(frozen=True)
+class PairReliability:
+    """Two coders, by their places. `agreement` is the share of bins in which they say the same."""
+
+    coders: Pair
+    agreement: ReliabilityEstimate
+    kappa: ReliabilityEstimate
+    matches: Matches
+
+
+@dataclass(frozen=True)
+class CodeReliability:
+    """All coders on one code; "" is all codes together. `bins` is how many have two values."""
+
+    code: str
+    bins: int
+    alpha: ReliabilityEstimate
+    pairs: tuple[PairReliability, ...]
+
+
+@dataclass(frozen=True)
+class EventReliability:
+    """Two coders' aligned events: `table` is (codes + 1, codes + 1), the first coder's by the
+    second's.
     """
 
-    agreed: Floats
-    rows: Floats
-    columns: Floats
+    coders: Pair
+    labels: tuple[str, ...]
+    table: Floats
+    kappa: ReliabilityEstimate
 
 
-def sums_of(tables: Floats) -> Sums:
-    """Return the sums of square tables, one judge's categories as rows and the other's as columns:
-    (n, k, k).
+@dataclass(frozen=True)
+class Reliability:
+    codes: tuple[CodeReliability, ...]
+    events: tuple[EventReliability, ...]
+
+
+def reliability(
+    sessions: Sequence[SessionCodings], codes: Sequence[str], *, width: float, tolerance: float
+) -> Reliability:
+    """Return the agreement on each of the codes, and on all together when there are several.
+    `width` is that of a bin, `tolerance` that between the beginnings of events, both in s; a width
+    that `coded_bins` refuses is a ValueError.
     """
-    return Sums(np.trace(tables, axis1=1, axis2=2), tables.sum(axis=2), tables.sum(axis=1))
+    coders = range(len(sessions[0][1]) if sessions else 0)
+    pairs = [pair for pair in combinations(coders, 2) if any(_of_both(sessions, pair))]
+    subjects = {code: [code] for code in codes} | ({"": list(codes)} if len(codes) > 1 else {})
+    of_codes = (
+        _of_code(name, some, sessions, pairs, width, tolerance) for name, some in subjects.items()
+    )
+    of_events = (_of_events(codes, sessions, pair, tolerance) for pair in pairs)
+    return Reliability(tuple(of_codes), tuple(of_events))
 
 
-def agreements(sums: Sums) -> Floats:
-    """Return the share of units on which two judges agree: (n,), nan without units."""
-    return ratio(sums.agreed, sums.rows.sum(axis=1))
+def _of_both(
+    sessions: Sequence[SessionCodings], pair: Pair
+) -> Iterator[tuple[int, Sequence[CodedEvent], Sequence[CodedEvent]]]:
+    """Yield the events of two coders in each session that both have coded, with its number."""
+    for number, (_duration, codings) in enumerate(sessions):
+        one, two = codings[pair[0]], codings[pair[1]]
+        if one is not None and two is not None:
+            yield number, one, two
 
 
-def kappas(sums: Sums) -> Floats:
-    """Return Cohen's kappa: (n,), nan without units, or when chance agreement is complete."""
-    expected = ratio((sums.rows * sums.columns).sum(axis=1), sums.rows.sum(axis=1) ** 2)
-    return ratio(agreements(sums) - expected, 1.0 - expected)
+# --- figures of a table (values, values), nan where they are not defined ----------------------
 
 
-def alphas(sums: Sums) -> Floats:
-    """Return Krippendorff's alpha of matrices of coincidences: (n,), nan without pairs, or when all
-    values are the same.
+def agreement(table: Floats) -> float:
+    total = table.sum()
+    return float(np.trace(table) / total) if total else np.nan
+
+
+def kappa(table: Floats) -> float:
+    """Return Cohen's kappa."""
+    # A package for analysis, which a robot's computer lacks.
+    from statsmodels.stats.inter_rater import cohens_kappa  # noqa: PLC0415
+
+    if not table.any():
+        return np.nan
+    with np.errstate(divide="ignore", invalid="ignore"):  # chance agreement may be complete
+        return float(cohens_kappa(table, return_results=False))
+
+
+def alpha(coincidences: Floats) -> float:
+    total = coincidences.sum()
+    expected = (total**2 - (coincidences.sum(axis=1) ** 2).sum()) / (total - 1.0)
+    return float(1.0 - (total - np.trace(coincidences)) / expected) if expected > TINY else np.nan
+
+
+def event_kappa(table: Floats) -> float:
+    """Return kappa of a table whose last cell is a structural zero: the expected shares are those
+    of quasi-independence, by iterative proportional fitting.
     """
-    total = sums.rows.sum(axis=1)
-    expected = ratio(total**2 - (sums.rows**2).sum(axis=1), total - 1.0)
-    return 1.0 - ratio(total - sums.agreed, expected)
-
-
-def event_kappas(tables: Floats) -> Floats:
-    """Return kappa of tables whose last cell is a structural zero: the expected shares are those of
-    quasi-independence, by iterative proportional fitting.
-    """
-    fitted = np.ones_like(tables)
-    fitted[:, -1, -1] = 0.0
-    rows, columns = tables.sum(axis=2), tables.sum(axis=1)
+    if not table.any():
+        return np.nan
+    fitted = np.ones_like(table)
+    fitted[-1, -1] = 0.0
     for _ in range(FITTING_ROUNDS):
-        fitted *= np.nan_to_num(ratio(rows, fitted.sum(axis=2)))[:, :, None]
-        fitted *= np.nan_to_num(ratio(columns, fitted.sum(axis=1)))[:, None, :]
-    expected = agreements(sums_of(fitted))
-    return ratio(agreements(sums_of(tables)) - expected, 1.0 - expected)
+        for axis in (1, 0):
+            sums = fitted.sum(axis=axis, keepdims=True)
+            fitted *= table.sum(axis=axis, keepdims=True) / np.where(sums > TINY, sums, 1.0)
+    observed, expected = (np.trace(one) / one.sum() for one in (table, fitted))
+    return float((observed - expected) / (1.0 - expected)) if 1.0 - expected > TINY else np.nan
 
 
-def ratio(above: Floats, below: Floats) -> Floats:
-    """Return quotients, nan where the divisor is nothing."""
-    fit = np.abs(below) > TINY
-    quotient: Floats = np.where(fit, above / np.where(fit, below, 1.0), np.nan)
-    return quotient
-
-
-def block_sums(values: Units, block: Units, shape: tuple[int, int]) -> Sums:
-    """Return the sums of the table of two coders in each block.
-
-    Args:
-        values: (2, units) the categories from 0; -1 is a missing value.
-        block: (units,) the number of each unit's block, from 0.
-        shape: how many blocks and categories there are.
+def estimate(
+    figure: Callable[[Floats], float], tables: Floats, *, least: float = -1.0
+) -> ReliabilityEstimate:
+    """Return a figure of the sum of the clusters' tables (clusters, values, values), and its
+    interval by the jackknife. The figure has values from `least` to 1.
     """
-    known = (values >= 0).all(axis=0)
-    one, two, at = values[0][known], values[1][known], block[known]
-    sums = Sums(np.zeros(shape[0]), np.zeros(shape), np.zeros(shape))
-    np.add.at(sums.agreed, at, one == two)
-    np.add.at(sums.rows, (at, one), 1.0)
-    np.add.at(sums.columns, (at, two), 1.0)
-    return sums
+    whole = tables.sum(axis=0)
+    value = figure(whole)
+    if np.isnan(value):
+        return ReliabilityEstimate(None)
+    others = np.array([figure(whole - one) for one in tables if one.any()])
+    count = len(others)
+    if count < LEAST_CLUSTERS or np.isnan(others).any():
+        return ReliabilityEstimate(value)
+    error = np.sqrt((count - 1) / count * ((others - others.mean()) ** 2).sum())
+    reach = error * special.stdtrit(count - 1, (1.0 + LEVEL) / 2.0)
+    # On Fisher's z the interval ends within the bounds; its standard error is that of the figure
+    # times the slope of z (delta method).
+    half = (1.0 - least) / 2.0
+    scaled = (value - 1.0) / half + 1.0
+    if abs(scaled) >= 1.0:
+        return ReliabilityEstimate(value, value, value)
+    z, wide = np.arctanh(scaled), reach / half / (1.0 - scaled**2)
+    low, high = (float((np.tanh(end) - 1.0) * half + 1.0) for end in (z - wide, z + wide))
+    return ReliabilityEstimate(value, low, high)
 
 
-def block_coincidences(values: Units, block: Units, shape: tuple[int, int]) -> Sums:
-    """Return the sums of the matrix of coincidences of each block, as `block_sums` of all coders:
-    two values of a unit that has m of them count 1 / (m - 1), in either order.
+# --- by time --------------------------------------------------------------------------------------
+
+
+def _of_code(
+    name: str,
+    codes: Sequence[str],
+    sessions: Sequence[SessionCodings],
+    pairs: Sequence[Pair],
+    width: float,
+    tolerance: float,
+) -> CodeReliability:
+    values, cluster = _values(sessions, codes, width)
+    shape = (int(cluster.max(initial=-1)) + 1, int(values.max(initial=-1)) + 1)
+    found = []
+    for pair in pairs:
+        tables = pair_tables(values[list(pair)], cluster, shape)
+        share = estimate(agreement, tables, least=0.0)
+        parts = [
+            [len(some) for some in matched(one, two, code, tolerance)]
+            for _number, one, two in _of_both(sessions, pair)
+            for code in codes
+        ]
+        matches = Matches(*map(sum, zip(*parts, strict=True)))
+        found.append(PairReliability(pair, share, estimate(kappa, tables), matches))
+    bins = int(((values >= 0).sum(axis=0) >= 2).sum())
+    of_all = estimate(alpha, coincidences(values, cluster, shape))
+    return CodeReliability(name, bins, of_all, tuple(found))
+
+
+def _values(
+    sessions: Sequence[SessionCodings], codes: Sequence[str], width: float
+) -> tuple[Units, Units]:
+    """Return the categories of bins from 0, -1 where a coder did not code: (coders, bins); and the
+    number of each bin's cluster: (bins,). A category is a set of codes.
     """
-    valued = (values >= 0).sum(axis=0)
-    sums = Sums(np.zeros(shape[0]), np.zeros(shape), np.zeros(shape))
-    for one, two in combinations(values, 2):
-        known = (one >= 0) & (two >= 0)
-        share, at = 1.0 / (valued[known] - 1), block[known]
-        np.add.at(sums.agreed, at, 2.0 * share * (one[known] == two[known]))
-        for value in (one[known], two[known]):
-            np.add.at(sums.rows, (at, value), share)
-            np.add.at(sums.columns, (at, value), share)
-    return sums
+    coders = len(sessions[0][1]) if sessions else 0
+    parts, clusters = [np.zeros((coders, 0), dtype=np.int64)], [np.zeros(0, dtype=np.int64)]
+    for number, (duration, codings) in enumerate(sessions):
+        count = len(coded_bins((), "", duration, width))
+        rows = np.full((coders, count), -1, dtype=np.int64)
+        for row, events in zip(rows, codings, strict=True):
+            if events is not None:
+                # at most 40 codes, so that their bits fit
+                bits = (
+                    coded_bins(events, code, duration, width) << n for n, code in enumerate(codes)
+                )
+                row[:] = sum(bits, start=np.zeros(count, dtype=np.int64))
+        bins = np.arange(count)
+        parts.append(rows)
+        is_single = len(sessions) == 1
+        clusters.append((bins * width // BLOCK_S).astype(int) if is_single else 0 * bins + number)
+    values = np.concatenate(parts, axis=1)
+    known = np.unique(values[values >= 0])
+    numbered = np.where(values < 0, -1, np.searchsorted(known, values))
+    return numbered, np.concatenate(clusters)
 
 
-# --- bins -----------------------------------------------------------------------------------------
-
-
-def coded_bins(
-    events: Sequence[CodedEvent], code: str, duration: float, width: float
-) -> NDArray[np.float64]:
-    """Return 1 for each bin in which the code was coded, else 0; (bins,).
-
-    Args:
-        events: of one coder.
-        code: which of them count.
-        duration: of the session, s.
-        width: of a bin, s.
-
-    Raises:
-        ValueError: the width is not positive, or makes too many bins.
+def coded_bins(events: Iterable[CodedEvent], code: str, duration: float, width: float) -> Units:
+    """Return 1 for each bin in which a coder's events have the code, else 0; (bins,). The duration
+    of the session and the width of a bin are in s; a width that is not positive, or makes too many
+    bins, is a ValueError.
     """
     if not width > 0:
         raise ValueError("a bin needs a width")
     count = max(int(np.ceil(duration / width - 1e-9)), 1)
     if count > MAX_BINS:
         raise ValueError(f"{count} bins are too many; make them wider")
-    found = np.zeros(count)
+    found = np.zeros(count, dtype=np.int64)
     middles = (np.arange(count) + 0.5) * width
     for event in events:
         if event.code != code:
             continue
         if event.end is None:
-            found[min(int(event.begin / width + 1e-9), count - 1)] = 1.0
+            found[min(int(event.begin / width + 1e-9), count - 1)] = 1
         else:
-            found[(middles >= event.begin) & (middles < event.end)] = 1.0
+            found[(middles >= event.begin) & (middles < event.end)] = 1
     return found
+
+
+def pair_tables(
+    values: Units, cluster: Units, shape: tuple[int, int], weight: Floats | float = 1.0
+) -> Floats:
+    """Return the table of two coders in each cluster: (clusters, values, values). `values` (2,
+    units) are the categories from 0, -1 is a missing value; `cluster` (units,) is the number of
+    each unit's cluster from 0, `shape` the numbers of clusters and categories.
+    """
+    known = (values >= 0).all(axis=0)
+    tables = np.zeros((*shape, shape[1]))
+    counts = np.broadcast_to(weight, known.shape)[known]
+    np.add.at(tables, (cluster[known], *values[:, known]), counts)
+    return tables
+
+
+def coincidences(values: Units, cluster: Units, shape: tuple[int, int]) -> Floats:
+    """Return the matrix of coincidences of all coders in each cluster, as `pair_tables`: two values
+    of a unit that has m of them count 1 / (m - 1), in either order.
+    """
+    weight = 1.0 / np.maximum((values >= 0).sum(axis=0) - 1, 1)
+    return sum(
+        (
+            pair_tables(values[list(pair)], cluster, shape, weight)
+            for pair in permutations(range(len(values)), 2)
+        ),
+        start=np.zeros((*shape, shape[1])),
+    )
 
 
 # --- events ---------------------------------------------------------------------------------------
 
 
-def matched(
-    first: Sequence[CodedEvent], second: Sequence[CodedEvent], code: str, tolerance: float
-) -> Matches:
-    """Return how many events of a code two coders have in common: beginnings at most `tolerance`
-    seconds apart, the earliest pairs first.
-    """
-    one, two = (
-        sorted(event.begin for event in events if event.code == code) for events in (first, second)
-    )
-    i = j = both = 0
-    while i < len(one) and j < len(two):
-        if abs(one[i] - two[j]) <= tolerance + 1e-9:
-            both, i, j = both + 1, i + 1, j + 1
-        elif one[i] < two[j]:
-            i += 1
-        else:
-            j += 1
-    return Matches(both, len(one) - both, len(two) - both)
-
-
-def aligned(
-    first: Sequence[CodedEvent], second: Sequence[CodedEvent], tolerance: float
-) -> list[tuple[str, str]]:
-    """Return the events of two coders as pairs of codes, "" where one of them has none: first those
-    of one code as in `matched`, then the nearest of the others, within the tolerance.
-    """
-    pairs: list[tuple[str, str]] = []
-    left: list[CodedEvent] = []
-    right: list[CodedEvent] = []
-    for code in sorted({event.code for event in (*first, *second)}):
-        one, two = (
-            sorted((event for event in events if event.code == code), key=lambda e: e.begin)
-            for events in (first, second)
-        )
-        i = j = 0
-        while i < len(one) and j < len(two):
-            if abs(one[i].begin - two[j].begin) <= tolerance + 1e-9:
-                pairs.append((code, code))
-                i, j = i + 1, j + 1
-            elif one[i].begin < two[j].begin:
-                left.append(one[i])
-                i += 1
-            else:
-                right.append(two[j])
-                j += 1
-        left += one[i:]
-        right += two[j:]
-    return [*pairs, *_confused(left, right, tolerance)]
-
-
-def _confused(
-    left: Sequence[CodedEvent], right: Sequence[CodedEvent], tolerance: float
-) -> Iterator[tuple[str, str]]:
-    """Yield events of different codes that lie near each other, and those that nobody else has."""
-    right = sorted(right, key=lambda event: event.begin)
-    begins = [event.begin for event in right]
-    near = []
-    for i, one in enumerate(left):
-        first = bisect_left(begins, one.begin - tolerance - 1e-9)
-        last = bisect_right(begins, one.begin + tolerance + 1e-9)
-        near += [
-            (abs(one.begin - begins[j]), i, j)
-            for j in range(first, last)
-            if one.code != right[j].code
-        ]
-    ones, twos = set(range(len(left))), set(range(len(right)))
-    for _distance, i, j in sorted(near):
-        if i in ones and j in twos:
-            ones.discard(i)
-            twos.discard(j)
-            yield left[i].code, right[j].code
-    yield from ((left[i].code, "") for i in ones)
-    yield from (("", right[j].code) for j in twos)
-
-
-def matched_in(
-    sessions: Sequence[SessionCodings],
-    pair: tuple[int, int],
-    codes: Sequence[str],
-    tolerance: float,
-) -> Matches:
-    """Return the matches of two coders on some codes in several sessions."""
-    parts = [
-        matched(one, two, code, tolerance)
-        for _duration, codings in sessions
-        if (one := codings[pair[0]]) is not None and (two := codings[pair[1]]) is not None
-        for code in codes
+def _of_events(
+    codes: Sequence[str], sessions: Sequence[SessionCodings], pair: Pair, tolerance: float
+) -> EventReliability:
+    place = {code: number for number, code in enumerate((*codes, ""))}
+    found = [
+        (int(begin // BLOCK_S) if len(sessions) == 1 else number, place[first], place[second])
+        for number, one, two in _of_both(sessions, pair)
+        for begin, first, second in aligned(one, two, tolerance)
     ]
-    return Matches(
-        sum(part.both for part in parts),
-        sum(part.first for part in parts),
-        sum(part.second for part in parts),
-    )
+    clusters = max((number for number, *_codes in found), default=0) + 1
+    tables = np.zeros((clusters, len(place), len(place)))
+    for cell in found:
+        tables[cell] += 1.0
+    of_pair = estimate(event_kappa, tables)
+    return EventReliability(pair, tuple(codes), tables.sum(axis=0), of_pair)

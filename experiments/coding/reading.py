@@ -1,4 +1,4 @@
-"""A coding from a file of ELAN or of BORIS, whichever it is."""
+"""A coding from a file of ELAN or of BORIS."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -16,11 +16,7 @@ from robots.files.limited_process import ImportRefusedError, run_limited
 def import_coding(
     document: bytes, codes: Sequence[Code], *, limit: int, duration: float, observation: str = ""
 ) -> tuple[list[CodedEvent], list[str]]:
-    """Return what `read_coding` does, of a child process.
-
-    Raises:
-        BadCodingError: the file cannot be read, or an event does not fit.
-    """
+    """Return the result of `read_coding`, called in a child process with limits."""
     known = msgspec.to_builtins(codes)
     try:
         found = run_limited(read_plain, document, known, limit, duration, observation)
@@ -32,15 +28,10 @@ def import_coding(
 def read_plain(
     document: bytes, codes: list[Any], limit: int, duration: float, observation: str
 ) -> Any:
-    """Return what `read_coding` does, as plain data.
-
-    Raises:
-        BadCodingError: the file cannot be read, or an event does not fit.
-    """
+    """Return the result of `read_coding` as plain data; the child process calls this."""
     known = msgspec.convert(codes, tuple[Code, ...])
-    return msgspec.to_builtins(
-        read_coding(document, known, limit=limit, duration=duration, observation=observation)
-    )
+    found = read_coding(document, known, limit=limit, duration=duration, observation=observation)
+    return msgspec.to_builtins(found)
 
 
 def read_coding(
@@ -51,14 +42,9 @@ def read_coding(
     duration: float | None = None,
     observation: str = "",
 ) -> tuple[list[CodedEvent], list[str]]:
-    """Return the events of a file in order of time, and a sentence for what is not imported.
-
-    Args:
-        document: the file.
-        codes: those of the scheme.
-        limit: its greatest size, bytes.
-        duration: of the session, s; None does not check the events.
-        observation: its name in a BORIS project that has several.
+    """Return the events of a file of at most `limit` bytes in order of time, and a sentence for
+    each part that is not imported. `duration` is that of the session in s; None does not check the
+    events. `observation` is needed for a BORIS project that has several.
 
     Raises:
         BadCodingError: the file cannot be read, or an event does not fit.

@@ -1,8 +1,4 @@
-"""The events that coders noted, checked against the scheme (experiments/definition/coding.py).
-
-An event of a code for points has a moment, one of a code for states a beginning and an end, in
-seconds since the grant, the time of the replay.
-"""
+"""The events of coders, checked against the scheme (experiments/definition/coding.py)."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
@@ -20,7 +16,7 @@ MAX_SCHEME_BYTES = 200_000
 
 
 class BadCodingError(ValueError):
-    """A scheme or a coding that cannot be used. `problems` has a sentence each."""
+    """A scheme or a coding that cannot be used. `problems` has a sentence for each one found."""
 
     def __init__(self, problems: Sequence[str]) -> None:
         super().__init__(" ".join(problems))
@@ -28,8 +24,8 @@ class BadCodingError(ValueError):
 
 
 class CodedEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Something that a coder noted; `end` is None for a point. Times in seconds; `modifiers` are
-    the chosen values by the modifiers' names.
+    """An event of a coding; `end` is None for a point. Times are in seconds since the grant, as in
+    the replay; `modifiers` are the chosen values by the modifiers' names.
     """
 
     code: str
@@ -40,11 +36,7 @@ class CodedEvent(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def scheme_from(document: Any) -> CodingScheme:
-    """Return a scheme; a list alone is its codes.
-
-    Raises:
-        BadCodingError: with every problem found.
-    """
+    """Return a scheme, or raise BadCodingError; a list alone is its codes."""
     whole = {"codes": document} if isinstance(document, list) else document
     try:
         scheme = msgspec.convert(whole, CodingScheme)
@@ -56,31 +48,25 @@ def scheme_from(document: Any) -> CodingScheme:
 
 
 def scheme_in(file: bytes) -> CodingScheme:
-    """Return the scheme in a JSON file.
-
-    Raises:
-        BadCodingError: with every problem found.
-    """
+    """Return the scheme in a JSON file, or raise BadCodingError."""
     if len(file) > MAX_SCHEME_BYTES:
         raise BadCodingError([_("The file is too large for a coding scheme.")])
+    return scheme_from(json_in(file))
+
+
+def json_in(file: bytes) -> Any:
+    """Return the content of a JSON file, or raise BadCodingError."""
     try:
-        return scheme_from(msgspec.json.decode(file.removeprefix(b"\xef\xbb\xbf")))
+        return msgspec.json.decode(file.removeprefix(b"\xef\xbb\xbf"))
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise BadCodingError(
-            [_("This is not valid JSON: %(problem)s.") % {"problem": error}]
-        ) from error
+        text = _("This is not valid JSON: %(problem)s.") % {"problem": error}
+        raise BadCodingError([text]) from error
 
 
 def events_from(document: Any, codes: Sequence[Code], duration: float) -> list[CodedEvent]:
-    """Return the events of a coding in order of time, rounded to milliseconds.
-
-    Args:
-        document: a list of objects with the fields of CodedEvent.
-        codes: those of the scheme.
-        duration: of the session, s; an event lies within it.
-
-    Raises:
-        BadCodingError: with every problem found.
+    """Return the events of a coding in order of time, rounded to milliseconds, from a list of
+    objects with the fields of CodedEvent, or raise BadCodingError. They lie within the duration of
+    the session, in s.
     """
     try:
         events = msgspec.convert(document, list[CodedEvent])
@@ -89,11 +75,9 @@ def events_from(document: Any, codes: Sequence[Code], duration: float) -> list[C
     if len(events) > MAX_EVENTS:
         raise BadCodingError([_("A coding has at most %(n)d events.") % {"n": MAX_EVENTS}])
     known = {code.code: code for code in codes}
-    if found := list(_event_problems(events, known, duration)):
+    if found := [text for event in events for text in _problems_of(event, known, duration)]:
         raise BadCodingError(found[:20])
-    ordered = sorted(
-        (_rounded(event) for event in events), key=lambda event: (event.begin, event.code)
-    )
+    ordered = sorted(map(_rounded, events), key=lambda event: (event.begin, event.code))
     if found := list(_overlaps(ordered, known)):
         raise BadCodingError(found[:20])
     return ordered
@@ -104,25 +88,40 @@ def _rounded(event: CodedEvent) -> CodedEvent:
     return msgspec.structs.replace(event, begin=round(event.begin, 3), end=end)
 
 
-def _event_problems(
-    events: Iterable[CodedEvent], known: Mapping[str, Code], duration: float
-) -> Iterator[str]:
-    limit = min(duration, MAX_SECONDS) + 0.001
-    for event in events:
-        where = {"code": event.code, "at": f"{event.begin:.3f}"}
-        code = known.get(event.code)
-        if code is None:
-            yield _("The scheme has no code “%(code)s”.") % where
-        elif code.kind == "point" and event.end is not None:
-            yield _("%(code)s at %(at)s s is a point, so it can't have an end.") % where
-        elif code.kind == "interval" and (event.end is None or not event.end > event.begin):
-            yield _("%(code)s at %(at)s s must end after it begins.") % where
-        if not (0 <= event.begin <= limit and (event.end is None or event.end <= limit)):
-            yield _("%(code)s at %(at)s s is outside the session.") % where
-        if not is_comment(event.comment):
-            yield _("%(code)s at %(at)s s: the comment is too long.") % where
-        if code is not None and not has_modifiers(code, event.modifiers):
-            yield _("%(code)s at %(at)s s has a modifier that the scheme does not have.") % where
+def _problems_of(event: CodedEvent, known: Mapping[str, Code], duration: float) -> Iterator[str]:
+    code, limit = known.get(event.code), min(duration, MAX_SECONDS) + 0.001
+    yield from event_problems(event, code, event.code)
+    if code is not None and code.kind == "interval" and event.end is None:
+        yield _not_ended(event, event.code)
+    if not (0 <= event.begin <= limit and (event.end is None or event.end <= limit)):
+        yield _("%(code)s at %(at)s s is outside the session.") % _where(event, event.code)
+
+
+def event_problems(event: Any, code: Code | None, name: str) -> Iterator[str]:
+    """Yield why an object with the fields of CodedEvent cannot be stored. A state may have no end
+    yet; `code` is None when the scheme has none, and `name` is for the sentences.
+    """
+    where = _where(event, name)
+    if code is None:
+        yield _("The scheme has no code “%(code)s”.") % where
+    elif code.kind == "point" and event.end is not None:
+        yield _("%(code)s at %(at)s s is a point, so it can't have an end.") % where
+    elif event.end is not None and not event.end > event.begin:
+        yield _not_ended(event, name)
+    if len(event.comment) > MAX_COMMENT or not event.comment.isprintable():
+        yield _("%(code)s at %(at)s s: the comment is too long.") % where
+    allowed = {one.name: one.values for one in code.modifiers} if code is not None else {}
+    if code and any(value not in allowed.get(one, ()) for one, value in event.modifiers.items()):
+        yield _("%(code)s at %(at)s s has a modifier that the scheme does not have.") % where
+
+
+def _not_ended(event: Any, name: str) -> str:
+    text: str = _("%(code)s at %(at)s s must end after it begins.") % _where(event, name)
+    return text
+
+
+def _where(event: Any, name: str) -> dict[str, str]:
+    return {"code": name, "at": f"{event.begin:.3f}"}
 
 
 def clean(text: str) -> str:
@@ -130,22 +129,11 @@ def clean(text: str) -> str:
     return "".join(sign for sign in " ".join(text.split()) if sign.isprintable())
 
 
-def is_comment(text: str) -> bool:
-    """Tell whether a text can be a comment: of one line, and not too long."""
-    return len(text) <= MAX_COMMENT and text.isprintable()
-
-
-def has_modifiers(code: Code, chosen: Mapping[str, str]) -> bool:
-    """Tell whether a code has the modifiers, and each of them the value, that were chosen."""
-    allowed = {modifier.name: modifier.values for modifier in code.modifiers}
-    return all(value in allowed.get(name, ()) for name, value in chosen.items())
-
-
 def _overlaps(events: Iterable[CodedEvent], known: Mapping[str, Code]) -> Iterator[str]:
-    """Yield events of one code, or states of one group, that lie over each other."""
+    """Yield events of one code, or states of one group, that overlap."""
     last: dict[str, float] = {}
     for event in events:
-        where = {"code": event.code, "at": f"{event.begin:.3f}"}
+        where = _where(event, event.code)
         if event.end is None:
             if last.get(event.code) == event.begin:
                 yield _("%(code)s at %(at)s s appears twice.") % where

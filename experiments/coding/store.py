@@ -1,20 +1,20 @@
-"""Codings as they are stored: schemes by version, and each coder's events, every change of which is
-a row of its own.
+"""Stored codings: schemes by version, and each coder's events, every change of which is a row.
 
-A page sends changes with ids of its own, so that what is sent twice is stored once. A change always
-becomes the newest version of its event, whatever version it was made from: of two tabs that change
-one event the later change counts, the other one stays stored, and the answer names the event.
+A page sends changes with ids of its own, so that a change that is sent twice is stored once. A
+change always becomes the newest version of its event: if two tabs change one event, the later
+change is valid, the other one remains stored, and the answer names the event.
 """
 
+import contextlib
 import datetime
 import uuid
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import msgspec
 from django.db import IntegrityError, transaction
-from django.db.models import Max, Q
+from django.db.models import Max
 from django.utils.translation import gettext as _
 from msgspec import Meta
 
@@ -24,14 +24,12 @@ from experiments.coding.scheme import (
     MAX_SECONDS,
     BadCodingError,
     CodedEvent,
+    event_problems,
     events_from,
-    has_modifiers,
-    is_comment,
     scheme_from,
 )
-from experiments.definition.coding import Code, CodingScheme
+from experiments.definition.coding import CodingScheme
 from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Drive, Participant, Study
-from sessions.models import Session
 
 MAX_EDITS, MAX_EDITS_AT_ONCE = 50_000, 500
 ATTEMPTS = 5  # to store a version while another tab stores some
@@ -40,9 +38,7 @@ Seconds = Annotated[float, Meta(ge=0.0, le=MAX_SECONDS)]
 
 
 class EventEdit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A change as a page sends it: the event as it is from now on. `base` is the version that was
-    changed, 0 for a new event.
-    """
+    """The event after a change. `base` is the version that was changed, 0 for a new event."""
 
     id: uuid.UUID
     event: uuid.UUID
@@ -56,16 +52,12 @@ class EventEdit(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class EventEdits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """What a page sends at once."""
-
     edits: Annotated[tuple[EventEdit, ...], Meta(max_length=MAX_EDITS_AT_ONCE)]
 
 
 @dataclass(frozen=True)
 class Saved:
-    """What became of changes: `conflicts` are events that somebody else changed meanwhile,
-    `refused` the changes that cannot be stored, with the reason.
-    """
+    """Events that another tab has changed, and the changes that cannot be stored, with reasons."""
 
     conflicts: tuple[str, ...]
     refused: dict[str, str]
@@ -75,9 +67,7 @@ class Saved:
 
 
 def scheme_of(study: Study, now: datetime.datetime) -> CodingSchemeVersion | None:
-    """Return the newest scheme of a study; that of its definition is stored when it is first asked
-    for. None when it has none.
-    """
+    """Return the newest scheme of a study; that of its definition is stored at its first use."""
     newest = _newest(study)
     if newest is None and (declared := study.as_definition().coding) is not None:
         return store_scheme(study, declared, now)
@@ -85,15 +75,15 @@ def scheme_of(study: Study, now: datetime.datetime) -> CodingSchemeVersion | Non
 
 
 def store_scheme(study: Study, scheme: CodingScheme, now: datetime.datetime) -> CodingSchemeVersion:
-    """Make a scheme the newest of a study; one that is it already stays."""
+    """Make a scheme the newest of a study, unless it is that already."""
     newest = _newest(study)
     if newest is not None and read_scheme(newest) == scheme:
         return newest
     fields = {"document": msgspec.to_builtins(scheme), "created_at": now}
     version = newest.version + 1 if newest else 1
-    row: CodingSchemeVersion = CodingSchemeVersion.objects.get_or_create(
-        study=study, version=version, defaults=fields
-    )[0]
+    rows = CodingSchemeVersion.objects
+    row: CodingSchemeVersion
+    row, _new = rows.get_or_create(study=study, version=version, defaults=fields)
     return row
 
 
@@ -104,7 +94,6 @@ def _newest(study: Study) -> CodingSchemeVersion | None:
 
 
 def read_scheme(row: CodingSchemeVersion) -> CodingScheme:
-    """Return the scheme that a row holds."""
     return scheme_from(row.document)
 
 
@@ -112,50 +101,37 @@ def read_scheme(row: CodingSchemeVersion) -> CodingScheme:
 
 
 def coding_of(session: uuid.UUID, scheme: CodingSchemeVersion, user: Any) -> Coding | None:
-    """Return somebody's coding of a session."""
     rows = Coding.objects.filter(session=session, scheme=scheme, coder=user)
     found: Coding | None = rows.first()
     return found
 
 
 def begin(drive: Drive, scheme: CodingSchemeVersion, user: Any, now: datetime.datetime) -> Coding:
-    """Return somebody's coding of a drive's session, begun now where there is none."""
+    """Return a user's coding of a drive's session, begun now where there is none."""
+    slug, session = drive.participant.study.slug, drive.session_id
     for _attempt in range(ATTEMPTS + 1):
-        if found := coding_of(drive.session_id, scheme, user):
+        if found := coding_of(session, scheme, user):
             return found
-        try:
-            with transaction.atomic():
-                Coding.objects.create(
-                    session_id=drive.session_id,
-                    scheme=scheme,
-                    coder=user,
-                    number=_number_of(drive.participant.study.slug, user),
-                    began_at=now,
-                )
-        except IntegrityError:  # another tab has begun it, or another coder took the number
-            continue
+        # refused when another tab has begun it, or another coder took the number
+        with contextlib.suppress(IntegrityError), transaction.atomic():
+            list(Study.objects.select_for_update().filter(slug=slug).values_list("pk"))
+            rows = Coding.objects.filter(scheme__study__slug=slug)
+            # a coder has one number in a study
+            own = rows.filter(coder=user).values_list("number", flat=True).first()
+            number = own or (rows.aggregate(most=Max("number"))["most"] or 0) + 1
+            fields = {"scheme": scheme, "coder": user, "number": number, "began_at": now}
+            Coding.objects.create(session_id=session, **fields)
     raise BadCodingError([_("The coding could not be started. Try again.")])
-
-
-def _number_of(slug: str, user: Any) -> int:
-    """Return what a coder is called in a study: as before, else the next number."""
-    list(Study.objects.select_for_update().filter(slug=slug).values_list("pk"))
-    rows = Coding.objects.filter(scheme__study__slug=slug)
-    own = rows.filter(coder=user).values_list("number", flat=True).first()
-    return own or (rows.aggregate(most=Max("number"))["most"] or 0) + 1
 
 
 def current(coding: Coding) -> list[CodingEdit]:
     """Return the newest version of each event that is not deleted, in order of time."""
-    newest: dict[uuid.UUID, CodingEdit] = {}
-    for edit in CodingEdit.objects.filter(coding=coding).order_by("version"):
-        newest[edit.event] = edit
+    newest = {edit.event: edit for edit in coding.edits.order_by("version")}
     kept = (edit for edit in newest.values() if not edit.is_deleted)
     return sorted(kept, key=lambda edit: (edit.begin, edit.code, str(edit.event)))
 
 
 def events_of(coding: Coding) -> list[CodedEvent]:
-    """Return what a coding says, in order of time."""
     return [
         CodedEvent(edit.code, edit.begin, edit.end, edit.comment, edit.modifiers)
         for edit in current(coding)
@@ -163,22 +139,18 @@ def events_of(coding: Coding) -> list[CodedEvent]:
 
 
 def save(coding: Coding, edits: Sequence[EventEdit], now: datetime.datetime) -> Saved:
-    """Store changes, in their order.
-
-    Raises:
-        BadCodingError: the coding is done, or has too many changes.
-    """
+    """Store changes in order, unless the coding is done or has too many."""
     refuse_if_done(coding)
     if coding.edits.count() + len(edits) > MAX_EDITS:
-        raise BadCodingError(
-            [_("Not saved: a coding can have at most %(n)d changes.") % {"n": MAX_EDITS}]
-        )
+        text = _("Not saved: a coding can have at most %(n)d changes.") % {"n": MAX_EDITS}
+        raise BadCodingError([text])
     scheme = read_scheme(coding.scheme)
     conflicts: list[str] = []
     refused: dict[str, str] = {}
     room = MAX_EVENTS - len(current(coding))
     for edit in edits:
-        problem = edit_problem(edit, scheme.code(edit.code))
+        code = scheme.code(edit.code)
+        problem = next(event_problems(edit, code, code.name if code else edit.code), "")
         if not problem and edit.base == 0 and room <= 0:
             problem = _("A coding has at most %(n)d events.") % {"n": MAX_EVENTS}
         room -= edit.base == 0
@@ -190,145 +162,79 @@ def save(coding: Coding, edits: Sequence[EventEdit], now: datetime.datetime) -> 
 
 
 def refuse_if_done(coding: Coding) -> None:
-    """Let nothing change a coding that is done.
-
-    Raises:
-        BadCodingError: it is.
-    """
     if coding.done_at is not None:
         raise BadCodingError([_("This coding is marked as done. Reopen it to change it.")])
 
 
-def edit_problem(edit: EventEdit, code: Code | None) -> str:
-    """Return why a change cannot be stored; "" when it can. A state may have no end yet."""
-    problem = ""
-    if code is None:
-        problem = _("The scheme has no code “%(code)s”.")
-    elif code.kind == "point" and edit.end is not None:
-        problem = _("%(code)s at %(at)s s is a point, so it can't have an end.")
-    elif edit.end is not None and edit.end <= edit.begin:
-        problem = _("%(code)s at %(at)s s must end after it begins.")
-    elif not is_comment(edit.comment):
-        problem = _("%(code)s at %(at)s s: the comment is too long.")
-    elif not has_modifiers(code, edit.modifiers):
-        problem = _("%(code)s at %(at)s s has a modifier that the scheme does not have.")
-    name = edit.code if code is None else code.name
-    return problem and problem % {"code": name, "at": f"{edit.begin:.3f}"}
-
-
 def _store(coding: Coding, edit: EventEdit, now: datetime.datetime) -> bool:
-    """Store a change once; tell whether the event was changed since the version it was made of."""
+    """Store a change once; return whether another tab changed the event since `edit.base`."""
     for _attempt in range(ATTEMPTS):
         if CodingEdit.objects.filter(pk=edit.id).exists():
             return False
         versions = CodingEdit.objects.filter(coding=coding, event=edit.event)
         newest: int = versions.aggregate(most=Max("version"))["most"] or 0
+        row = _row(coding, edit, now, event=edit.event, version=newest + 1)
+        row.pk, row.is_deleted = edit.id, edit.is_deleted
         try:
             with transaction.atomic():
-                _insert(coding, edit, newest + 1, now)
+                row.save(force_insert=True)
         except IntegrityError:  # another tab stores this event, or this very change
             continue
         return newest != edit.base
     raise BadCodingError([_("The changes could not be saved. Try again.")])
 
 
-def _insert(coding: Coding, edit: EventEdit, version: int, now: datetime.datetime) -> None:
-    CodingEdit.objects.create(
-        id=edit.id,
+def _row(coding: Coding, noted: Any, now: datetime.datetime, **fields: Any) -> CodingEdit:
+    """Return a row that is not stored yet, of anything with the fields of CodedEvent."""
+    return CodingEdit(
         coding=coding,
-        event=edit.event,
-        version=version,
-        code=edit.code,
-        begin=round(edit.begin, 3),
-        end=None if edit.end is None else round(edit.end, 3),
-        modifiers=edit.modifiers,
-        comment=edit.comment,
-        is_deleted=edit.is_deleted,
+        code=noted.code,
+        begin=round(noted.begin, 3),
+        end=None if noted.end is None else round(noted.end, 3),
+        modifiers=noted.modifiers,
+        comment=noted.comment,
         at=now,
+        **fields,
     )
 
 
 def replace_events(coding: Coding, events: Iterable[CodedEvent], now: datetime.datetime) -> int:
-    """Put imported, checked events into a coding in place of those that it has; return how many.
-
-    Raises:
-        BadCodingError: the coding is done.
-    """
+    """Replace the events of a coding by imported, checked ones; return their number."""
     refuse_if_done(coding)
-    rows = [_deletion(edit, now) for edit in current(coding)]
-    new = [
-        CodingEdit(
-            coding=coding,
-            event=uuid.uuid4(),
-            version=1,
-            code=one.code,
-            begin=one.begin,
-            end=one.end,
-            modifiers=one.modifiers,
-            comment=one.comment,
-            at=now,
-        )
-        for one in events
+    deletions = [
+        _row(coding, edit, now, event=edit.event, version=edit.version + 1, is_deleted=True)
+        for edit in current(coding)
     ]
+    new = [_row(coding, one, now, event=uuid.uuid4(), version=1) for one in events]
     with transaction.atomic():
-        CodingEdit.objects.bulk_create([*rows, *new], batch_size=200)
+        CodingEdit.objects.bulk_create([*deletions, *new], batch_size=200)
     return len(new)
 
 
-def _deletion(edit: CodingEdit, now: datetime.datetime) -> CodingEdit:
-    return CodingEdit(
-        coding_id=edit.coding_id,
-        event=edit.event,
-        version=edit.version + 1,
-        code=edit.code,
-        begin=edit.begin,
-        end=edit.end,
-        modifiers=edit.modifiers,
-        comment=edit.comment,
-        is_deleted=True,
-        at=now,
-    )
-
-
 def finish(coding: Coding, duration: float, now: datetime.datetime) -> None:
-    """Mark a coding as done.
-
-    Raises:
-        BadCodingError: an event is not as the scheme wants it, such as a state without an end.
-    """
+    """Mark a coding as done if its events are as `checked` requires."""
     checked(coding, duration)
     Coding.objects.filter(pk=coding.pk, done_at=None).update(done_at=now)
 
 
 def checked(coding: Coding, duration: float) -> list[CodedEvent]:
-    """Return the events of a coding, in order of time.
-
-    Raises:
-        BadCodingError: one is not as the scheme wants it.
-    """
-    document = [msgspec.to_builtins(event) for event in events_of(coding)]
+    """Return the events of a coding, sorted; one that is incomplete is a BadCodingError."""
+    document = msgspec.to_builtins(events_of(coding))
     return events_from(document, read_scheme(coding.scheme).codes, duration)
 
 
 def reopen(coding: Coding) -> None:
-    """Let a coder change a coding that is done.
-
-    Raises:
-        BadCodingError: other coders' events of the session have been shown.
-    """
+    """Make a coding editable that is done, unless it may have been compared with others."""
     if is_revealed(coding.session_id, coding.scheme):
-        raise BadCodingError(
-            [
-                _(
-                    "All coders are done and may have compared their codings, so this one can't be"
-                    " reopened."
-                )
-            ]
+        text = _(
+            "All coders are done and may have compared their codings, so this one can't be"
+            " reopened."
         )
+        raise BadCodingError([text])
     Coding.objects.filter(pk=coding.pk).update(done_at=None)
 
 
-# --- who sees what --------------------------------------------------------------------------------
+# --- access ---------------------------------------------------------------------------------------
 
 
 def is_revealed(session: uuid.UUID, scheme: CodingSchemeVersion) -> bool:
@@ -338,28 +244,9 @@ def is_revealed(session: uuid.UUID, scheme: CodingSchemeVersion) -> bool:
 
 
 def released(scheme: CodingSchemeVersion) -> list[Coding]:
-    """Return the codings that may leave: those of sessions that nobody is coding any more."""
-    rows = list(
-        Coding.objects.filter(scheme=scheme)
-        .exclude(session__drive__participant__status=Participant.Status.WITHDRAWN)
-        .select_related("session", "scheme")
-        .order_by("session__granted_at", "session", "number")
-    )
-    busy = {row.session_id for row in rows if row.done_at is None}
-    return [row for row in rows if row.session_id not in busy]
-
-
-def compared(codings: Sequence[Coding]) -> Iterator[tuple[Session, list[Coding]]]:
-    """Yield each session of codings with its own, where there are at least two."""
-    of_session: dict[uuid.UUID, list[Coding]] = {}
-    for coding in codings:
-        of_session.setdefault(coding.session_id, []).append(coding)
-    for some in of_session.values():
-        if len(some) > 1:
-            yield some[0].session, some
-
-
-def waiting(scheme: CodingSchemeVersion) -> int:
-    """Return how many sessions somebody is still coding."""
-    rows = Coding.objects.filter(Q(scheme=scheme), done_at=None)
-    return len(set(rows.values_list("session", flat=True)))
+    """Return the codings that may be exported: those of sessions that no coder is still coding."""
+    every = Coding.objects.filter(scheme=scheme).select_related("session", "scheme")
+    rows = every.exclude(session__drive__participant__status=Participant.Status.WITHDRAWN)
+    found = list(rows.order_by("session__granted_at", "session", "number"))
+    busy = {row.session_id for row in found if row.done_at is None}
+    return [row for row in found if row.session_id not in busy]

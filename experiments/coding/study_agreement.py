@@ -1,12 +1,13 @@
-"""How the coders of a study agree on the sessions that several of them have finished."""
+"""The agreement of a study's coders on the sessions that several of them have finished."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 from experiments.coding import store
-from experiments.coding.agreement import SessionCodings
-from experiments.coding.reliability import Reliability, reliability
+from experiments.coding.agreement import Reliability, SessionCodings, reliability
 from experiments.models import Coding, CodingSchemeVersion
 from sessions.models import Session
 
@@ -14,7 +15,7 @@ from sessions.models import Session
 @dataclass(frozen=True)
 class StudyAgreement:
     """`coders` are the numbers of the coders, by the places that `found` has; `sessions` is how
-    many were compared, and `waiting` how many somebody still codes.
+    many were compared, and `waiting` how many are still being coded.
     """
 
     coders: tuple[int, ...]
@@ -24,26 +25,25 @@ class StudyAgreement:
 
 
 def agreement_of(scheme: CodingSchemeVersion, only: Any = None) -> StudyAgreement:
-    """Return how coders agree by one scheme.
-
-    Args:
-        scheme: by which they coded.
-        only: a user: sessions that they did not code are left out.
-    """
+    """Return the agreement by one scheme; with a user as `only`, on this coder's sessions."""
+    every = groupby(store.released(scheme), attrgetter("session"))  # ordered by session
+    found = ((session, list(codings)) for session, codings in every)
     sessions = [
         (session, codings)
-        for session, codings in store.compared(store.released(scheme))
-        if only is None or any(coding.coder_id == only.pk for coding in codings)
+        for session, codings in found
+        if len(codings) > 1
+        and (only is None or any(coding.coder_id == only.pk for coding in codings))
     ]
     numbers = sorted({coding.number for _session, codings in sessions for coding in codings})
     definition = store.read_scheme(scheme)
-    found = reliability(
+    waiting = Coding.objects.filter(scheme=scheme, done_at=None).values_list("session", flat=True)
+    reliabilities = reliability(
         [_codings(session, codings, numbers) for session, codings in sessions],
         [code.code for code in definition.codes],
         width=definition.bin,
         tolerance=definition.tolerance,
     )
-    return StudyAgreement(tuple(numbers), len(sessions), store.waiting(scheme), found)
+    return StudyAgreement(tuple(numbers), len(sessions), len(set(waiting)), reliabilities)
 
 
 def _codings(session: Session, codings: Sequence[Coding], numbers: Sequence[int]) -> SessionCodings:

@@ -1,39 +1,53 @@
-"""The stored states and network samples of a session as columns of numbers, read a session at a
-time.
+"""The columns of states and network samples. A column that is a field of the stored message is
+declared on that field.
 
-Times are seconds since the grant, to the microsecond. What of a message is read here stands in
-experiments/dataset/allow_list.py, too.
+A pseudonymous dataset has of these messages what the classes read, and nothing else
+(experiments/extraction/allow_list.py).
 """
 
-from collections.abc import Iterable, Iterator, Sequence
+import math
+from collections.abc import Iterable, Sequence
+from operator import attrgetter
+from typing import Annotated, Any
 
 import msgspec
 import numpy as np
 import numpy.typing as npt
-from django.db.models import ExpressionWrapper, F
 
-from experiments.analysis.dataset.columns import NETWORK, STATES
-from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
-from experiments.analysis.dataset.records import Columns, Floats
-from experiments.dataset.forms import NEAR
-from experiments.stored_states import Decoded, StateReader, StoredChunk
-from sessions.models import NetworkSample
+from experiments.dataset.columns import (
+    Column,
+    Columns,
+    Floats,
+    amount,
+    amount_of,
+    column_paths,
+    columns_of,
+    declared,
+    described,
+    flag,
+    matrix_of,
+)
+from experiments.dataset.levels import METHODS, MODES, WAYS
+from robots.api import docked
 
 DECIMALS = 6
-NAN = float("nan")
-_MODE = {name: float(number) for number, name in enumerate(MODES)}
-ABOUT = ("received", "clock_offset", "boot")
-SUMMED = (
-    "age_sum",
-    "age_max",
-    "answer_age",
-    *(f"by_{name}" for name in METHODS),
-    *(f"on_{name}" for name in WAYS),
+NAN = math.nan
+DOCKED = (
+    "charger contact, standstill and no velocity from the driver for"
+    f" {docked.DOCKED.seconds:g} s, as the robot reports; a robot without contacts decides it by"
+    " itself"
 )
+# The three velocities of a command, and how their columns describe them.
+SERIES = {
+    "asked": "since the previous state, as the driver requested",
+    "allowed": "since then, as limits and age allowed",
+    "applied": "since then, as the wheels were told",
+}
 TOO_OLD = ("stale", "frame_stale")  # reasons of robots/agent/safety/freshness.py
-LATE = tuple(column.name for column in STATES if column.late)
-# their places in SUMMED
-_COUNTED = {name: index for index, name in enumerate((*METHODS, *WAYS), start=3)}
+_MODE = {name: number for number, name in enumerate(MODES)}
+
+
+Known = float | None  # None for what robot or page do not know
 
 
 class StoredPart(msgspec.Struct, gc=False, rename="camel"):
@@ -41,268 +55,274 @@ class StoredPart(msgspec.Struct, gc=False, rename="camel"):
 
 
 class StoredPose(StoredPart):
-    """Where it was."""
-
-    x: float
-    y: float
-    theta: float
-    localized: bool = True
-    score: float = 1.0
+    x: Annotated[float, described("position on the map", "m")]
+    y: Annotated[float, described("position on the map", "m")]
+    theta: Annotated[
+        float,
+        described(
+            "heading on the map, counter-clockwise from x", "rad", least=-math.pi, greatest=math.pi
+        ),
+    ]
+    localized: Annotated[bool, described("1 when the robot trusts its position")] = True
+    score: Annotated[float, amount("localization confidence", greatest=1.0)] = 1.0
 
 
 class StoredVelocity(StoredPart):
-    """How fast it was."""
+    """A measured velocity, or one of a command, which has no columns of its own."""
 
-    linear: float
-    angular: float
+    linear: Annotated[float, described("measured speed, forward positive", "m/s")]
+    angular: Annotated[float, described("measured turn rate, counter-clockwise positive", "rad/s")]
 
 
 class StoredBattery(StoredPart):
-    """How much charge it had; None for what the robot did not know."""
-
-    charge: float | None = None
-    charging: bool | None = False
+    charge: Annotated[Known, amount("share of the battery's charge", greatest=1.0)] = None
+    charging: Annotated[bool | None, described("1 while charging")] = False
 
 
-class Command(StoredPart):
-    """A command that was applied."""
+class StoredCommand(StoredPart):
+    """A command that was applied; agents may leave out `asked`, `allowed` and `share`."""
 
     method: str
     way: str
     age: float
     linear: float = 0.0
     angular: float = 0.0
-    frame_age: float | None = None
+    frame_age: Known = None
     asked: StoredVelocity | None = None
     allowed: StoredVelocity | None = None
-    share: float | None = None
+    share: Known = None
 
 
 class StoredState(StoredPart):
-    """A state."""
-
     stamp: float
     seq: int
     pose: StoredPose
     velocity: StoredVelocity
     battery: StoredBattery
-    docked: bool = False
-    tilt: float | None = None
+    docked: Annotated[bool, described(f"1 while docked: {DOCKED}")] = False
+    tilt: Annotated[Known, described("tilt of the head, positive looks down", "rad")] = None
     mode: str = "manual"
-    clearance: float | None = None
-    contacts: int = 0
-    distance: float = 0.0
-    distance_by_position: bool = False
-    visitor_silence: float | None = None
-    applied: list[Command] = []
+    clearance: Annotated[
+        Known, amount("smallest distance to anything since the previous state", "m")
+    ] = None
+    contacts: Annotated[int, amount("collisions that began since the previous state")] = 0
+    distance: Annotated[float, amount("odometer since the run began", "m")] = 0.0
+    distance_by_position: Annotated[
+        bool,
+        described(
+            "1 when the odometer only adds up positions, as the robot has no odometry",
+            late=True,
+            was="by_position",
+        ),
+    ] = False
+    visitor_silence: Annotated[
+        Known,
+        amount(
+            "time since the driver's last sign of life, by the robot's clock", "s", was="silence"
+        ),
+    ] = None
+    applied: list[StoredCommand] = []
     refused: dict[str, int] = {}
 
 
-class Sample(StoredPart):
-    """A network sample: what the columns need of sessions.protocol.PageNetwork, in their order."""
+class StoredSample(StoredPart):
+    """What the columns need of sessions.protocol.PageNetwork."""
 
-    round_trip: float | None = None
-    loss: float | None = None
-    fps: float | None = None
-    bitrate: float | None = None
-    freezes: float | None = None
-    jitter: float | None = None
-    frame_age: float | None = None
+    round_trip: Annotated[Known, amount("round trip on the path of the commands", "s")] = None
+    loss: Annotated[
+        Known, amount("share of the video packets that were lost in this second", greatest=1.0)
+    ] = None
+    fps: Annotated[Known, amount("video frames shown in this second", "1/s")] = None
+    bitrate: Annotated[Known, amount("bit rate of the video", "bit/s")] = None
+    freezes: Annotated[Known, amount("freezes of the video in this second")] = None
+    jitter: Annotated[Known, amount("jitter of the video packets", "s")] = None
+    frame_age: Annotated[Known, described("age of the video frame that was shown", "s")] = None
     way: str | None = None
 
 
-STORED, SAMPLE = StateReader(StoredState), Decoded(Sample)
+# --- computed columns -----------------------------------------------------------------------------
+
+OF_COMMANDS = (
+    Column(
+        "mode",
+        "",
+        "what moves the robot, by number",
+        levels={str(number): name for name, number in _MODE.items()},
+    ),
+    amount_of("commands", "", "commands applied since the previous state"),
+    amount_of("refused", "", "commands refused since the previous state"),
+    Column("age_sum", "s", "sum of the ages of the commands applied since the previous state"),
+    Column("age_max", "s", "greatest age among them"),
+    Column(
+        "answer_age",
+        "s",
+        "mean age, when they were applied, of the video frames that they answered",
+    ),
+    *(amount_of(f"by_{method}", "", f"how many of them came from: {method}") for method in METHODS),
+    *(amount_of(f"on_{one}", "", f"how many of them came on: {one}") for one in WAYS),
+    amount_of(
+        "too_old",
+        "",
+        "commands refused since the previous state because they, or the video frames that they "
+        "answered, were too old",
+        late=True,
+    ),
+    amount_of(
+        "slowed",
+        "",
+        "commands applied since the previous state that the robot slowed down because of such "
+        "an age; empty when the robot does not report it",
+        late=True,
+    ),
+    *(
+        Column(f"{series}_{part}", unit, f"mean {what} of the commands applied {words}", late=True)
+        for series, words in SERIES.items()
+        for part, unit, what in (("linear", "m/s", "speed"), ("angular", "rad/s", "turn rate"))
+    ),
+)
 
 
-def states_of(session: object, granted: float) -> Columns:
-    """Return the states of a session, (n, columns.STATES), run by run and in order within each;
-    `granted` is Unix time in seconds.
+class StateBatch:
+    """Some states and all their commands: values by command are combined into one by state, (n,). A
+    command without a value makes the sum and the mean of its state NaN.
     """
-    states: list[StoredState] = []
-    about: list[tuple[float | None, ...]] = []
-    rows: list[tuple[float | None, ...]] = []
-    for own, begin, first_seq, found in _chunks(session, granted):
-        states += found
-        about += [own] * len(found)
-        rows += [_row(state, begin, first_seq) for state in found]
-    whole = [
-        _table(about, len(ABOUT)),
-        _table(rows, len(STATES) - len(ABOUT) - len(SUMMED) - len(LATE)),
-        _commands(states),
-        _table([_late(state) for state in states], len(LATE)),
-    ]
-    # As in columns.STATES: the stamp stands before what is known of the chunk.
-    values = np.hstack((whole[1][:, :1], whole[0], whole[1][:, 1:], *whole[2:]))
-    return Columns(STATES, _exact(values))
+
+    def __init__(self, states: Sequence[StoredState]) -> None:
+        self._states = states
+        self._commands = [command for state in states for command in state.applied]
+        counts = [len(state.applied) for state in states]
+        self._counts = np.array(counts, dtype=np.float64)
+        self._owner = np.repeat(np.arange(len(states)), counts)
+
+    def columns(self) -> dict[str, npt.ArrayLike]:
+        """Return OF_COMMANDS by name."""
+        ages = read(self._commands, "age")
+        methods = [command.method for command in self._commands]
+        ways = [command.way for command in self._commands]
+        return {
+            "mode": [_MODE.get(state.mode, NAN) for state in self._states],
+            "commands": self._counts,
+            "refused": [sum(state.refused.values()) for state in self._states],
+            "age_sum": self.sum(ages),
+            "age_max": self.greatest(ages),
+            "answer_age": self.mean_of_known(read(self._commands, "frame_age")),
+            **{f"by_{method}": self.count(methods, method) for method in METHODS},
+            **{f"on_{one}": self.count(ways, one) for one in WAYS},
+            "too_old": [
+                sum(state.refused.get(reason, 0) for reason in TOO_OLD) for state in self._states
+            ],
+            "slowed": self.sum([_is_slowed(command) for command in self._commands]),
+            **{
+                f"{series}_{part}": self.mean_velocity(series, part)
+                for series in SERIES
+                for part in ("linear", "angular")
+            },
+        }
+
+    def sum(self, values: npt.ArrayLike) -> Floats:
+        """Add up values by command; 0 where a state has none."""
+        return _floats(np.bincount(self._owner, _floats(values), len(self._states)))
+
+    def mean(self, values: npt.ArrayLike) -> Floats:
+        """Return means; NaN where a state has no commands."""
+        return self.sum(values) / np.where(self._counts > 0.0, self._counts, NAN)
+
+    def mean_of_known(self, values: npt.ArrayLike) -> Floats:
+        """Return means over the commands that have a value."""
+        known = np.isfinite(floats := _floats(values))
+        counts = self.sum(known)
+        return self.sum(np.where(known, floats, 0.0)) / np.where(counts > 0.0, counts, NAN)
+
+    def greatest(self, values: npt.ArrayLike) -> Floats:
+        """Return maxima; NaN where a state has no commands."""
+        found = np.full(len(self._states), NAN)
+        np.fmax.at(found, self._owner, _floats(values))
+        return found
+
+    def count(self, words: Sequence[str], word: str) -> Floats:
+        """Count the commands with a word, fast where they all have it, as in most drives."""
+        kinds = set(words)
+        if kinds == {word}:
+            return self._counts
+        if word not in kinds:
+            return np.zeros(len(self._states))
+        return self.sum([one == word for one in words])
+
+    def mean_velocity(self, series: str, part: str) -> Floats:
+        """Return the mean of a velocity of SERIES: its part `linear` or `angular`."""
+        if series == "applied":
+            return self.mean(read(self._commands, part))
+        given = (getattr(command, series) for command in self._commands)
+        return self.mean([NAN if one is None else getattr(one, part) for one in given])
 
 
-def _chunks(
-    session: object, granted: float
-) -> Iterator[tuple[tuple[float | None, ...], float, int, list[StoredState]]]:
-    """Yield what is known of each chunk (ABOUT), where its times and its counts begin, and its
-    states. Counts begin with the session, because a robot's own would lead to its other records.
+def _is_slowed(command: StoredCommand) -> float:
+    """Return 1 for a command that requested more than its age left of it, NaN when unknown."""
+    if command.asked is None or command.allowed is None or command.share is None:
+        return NAN
+    return float(command.share < 1.0 and command.allowed != command.asked)
+
+
+STATES = (
+    Column(
+        "stamp",
+        "s",
+        "when the robot took the state, since the grant, by the robot's clock; less clock_offset it"
+        " is by the server's",
+    ),
+    Column(
+        "received",
+        "s",
+        "when the server had the states of about a second with this one, since the grant, by the"
+        " server's clock",
+    ),
+    Column("clock_offset", "s", "robot's clock minus the server's, as the server estimated then"),
+    amount_of("boot", "", "run of the robot's agent: 0 for the session's first"),
+    amount_of("seq", "", "number of the state within the run, from the session's first"),
+    *declared(StoredState),
+    *OF_COMMANDS,
+)
+NETWORK = (
+    Column(
+        "stamp",
+        "s",
+        "when the page took the sample, since the grant, by the page's clock corrected to the"
+        " server's: by the least delay of anything that it sent",
+    ),
+    *declared(StoredSample),
+    flag("on_datachannel", "1 when commands went over the data channel, 0 over the server"),
+)
+NO_STATES, NO_NETWORK = columns_of(STATES), columns_of(NETWORK)
+
+
+def state_columns(states: Sequence[StoredState], **known: npt.ArrayLike) -> Columns:
+    """Return states as STATES; `known` are the columns that depend on when the robot was granted
+    and on the run of its agent.
     """
-    chunks = list(STORED.chunks_of(session))
-    runs = {
-        boot: float(number)
-        for number, boot in enumerate(dict.fromkeys(chunk.boot for chunk in chunks))
-    }
-    first: dict[str, int] = {}
-    wrong: dict[str, float] = {}
-    for chunk in sorted(chunks, key=lambda chunk: (runs[chunk.boot], chunk.first_seq)):
-        first.setdefault(chunk.boot, chunk.first_seq)
-        error = wrong.setdefault(chunk.boot, _clock_error(chunk))
-        offset = None if chunk.clock_offset is None else chunk.clock_offset - error
-        about = (chunk.received_at - granted, offset, runs[chunk.boot])
-        yield about, granted + error, first[chunk.boot], chunk.states
+    fields = {column.name: read(states, path) for path, column in column_paths(StoredState)}
+    return _rounded(columns_of(STATES, **known, **fields, **StateBatch(states).columns()))
 
 
-def _clock_error(chunk: StoredChunk[StoredState]) -> float:
-    """Return by how much the clock of a run differs from the server's where nobody has set it: the
-    difference would tell the date. 0 for any other clock.
+def network_columns(samples: Sequence[StoredSample], stamp: npt.ArrayLike) -> Columns:
+    """Return network samples as NETWORK; `stamp` is in seconds since the grant."""
+    direct = [NAN if one.way is None else one.way == "datachannel" for one in samples]
+    fields = {column.name: read(samples, path) for path, column in column_paths(StoredSample)}
+    return _rounded(columns_of(NETWORK, stamp=stamp, on_datachannel=direct, **fields))
+
+
+def read(records: Iterable[Any], path: str) -> Floats:
+    """Return an attribute of records, (n,); None is NaN."""
+    return _floats([*map(attrgetter(path), records)])
+
+
+def _floats(values: npt.ArrayLike) -> Floats:
+    return np.asarray(values, dtype=np.float64)
+
+
+def _rounded(columns: Columns) -> Columns:
+    """Round numbers to as many digits as are written, so that reading a file gives the same ones;
+    adding zero makes a negative zero positive.
     """
-    error = chunk.states[0].stamp - chunk.received_at if chunk.states else 0.0
-    return error if abs(error) >= NEAR else 0.0
-
-
-def _row(state: StoredState, begin: float, first_seq: int) -> tuple[float | None, ...]:
-    pose, velocity, battery = state.pose, state.velocity, state.battery
-    return (
-        state.stamp - begin,
-        state.seq - first_seq,
-        pose.x,
-        pose.y,
-        pose.theta,
-        pose.localized,
-        pose.score,
-        velocity.linear,
-        velocity.angular,
-        battery.charge,
-        battery.charging,
-        state.docked,
-        state.tilt,
-        _MODE.get(state.mode),
-        state.clearance,
-        state.contacts,
-        state.distance,
-        state.visitor_silence,
-        len(state.applied),
-        sum(state.refused.values()) if state.refused else 0,
-    )
-
-
-def _late(state: StoredState) -> tuple[float | None, ...]:
-    """Return the values of the LATE columns; of the series, means over the commands."""
-    refused = sum(state.refused.get(reason, 0) for reason in TOO_OLD) if state.refused else 0
-    applied = state.applied
-    if not applied:
-        return (state.distance_by_position, refused, 0, *(None,) * 6)
-    if any(one.asked is None or one.allowed is None or one.share is None for one in applied):
-        slowed, before = None, (None,) * 4
-    else:
-        slowed = sum(_is_slowed(one) for one in applied)
-        before = (
-            *_mean(one.asked for one in applied if one.asked is not None),
-            *_mean(one.allowed for one in applied if one.allowed is not None),
-        )
-    return (state.distance_by_position, refused, slowed, *before, *_mean(applied))
-
-
-def _is_slowed(command: Command) -> bool:
-    """Tell whether a command asked for more than its age left of it."""
-    return command.share is not None and command.share < 1.0 and command.allowed != command.asked
-
-
-def _mean(found: Iterable[StoredVelocity | Command]) -> tuple[float, float]:
-    values = [(one.linear, one.angular) for one in found]
-    return (
-        sum(linear for linear, _ in values) / len(values),
-        sum(angular for _, angular in values) / len(values),
-    )
-
-
-def _commands(states: Sequence[StoredState]) -> Floats:
-    """Return sum and maximum of the ages of each state's commands, the mean age of their pictures,
-    and counts by method and way.
-
-    (n, SUMMED), of all states at once.
-    """
-    found = np.zeros((len(states), len(SUMMED)))
-    found[:, 1:3] = NAN
-    commands = [command for state in states for command in state.applied]
-    if commands:
-        owner = np.repeat(np.arange(len(states)), [len(state.applied) for state in states])
-        ages = np.array([command.age for command in commands])
-        found[:, 0] = np.bincount(owner, ages, len(states))
-        np.fmax.at(found[:, 1], owner, ages)
-        _answer_ages(
-            found[:, 2],
-            owner,
-            np.array([command.frame_age for command in commands], dtype=np.float64),
-        )
-        for names in (
-            [command.method for command in commands],
-            [command.way for command in commands],
-        ):
-            kinds = set(names)
-            for kind in kinds & _COUNTED.keys():
-                # mostly all came from one and on one
-                own = owner if len(kinds) == 1 else owner[[name == kind for name in names]]
-                found[:, _COUNTED[kind]] = np.bincount(own, minlength=len(states))
-    return found
-
-
-def _answer_ages(found: Floats, owner: npt.NDArray[np.intp], ages: Floats) -> None:
-    """Write the mean of the ages of each state that has any; a command that answered no picture has
-    none (NaN).
-    """
-    known = np.isfinite(ages)
-    counts = np.bincount(owner[known], minlength=len(found))
-    sums = np.bincount(owner[known], ages[known], len(found))
-    found[counts > 0] = sums[counts > 0] / counts[counts > 0]
-
-
-def network_of(session: object, granted: float, clock_offset: float) -> Columns:
-    """Return the network samples of a session, (n, columns.NETWORK); `clock_offset` is the page's
-    clock minus the server's, in seconds.
-    """
-    rows = NetworkSample.objects.filter(session=session).annotate(
-        stored=ExpressionWrapper(F("data"), output_field=SAMPLE)
-    )
-    found = rows.order_by("stamp", "id").values_list("stamp", "stored")
-    return Columns(
-        NETWORK,
-        _exact(
-            _table(
-                [_sample(stamp - clock_offset - granted, sample) for stamp, sample in found],
-                len(NETWORK),
-            )
-        ),
-    )
-
-
-def _sample(at: float, found: Sample) -> tuple[float | None, ...]:
-    way = None if found.way is None else float(found.way == "datachannel")
-    return (
-        at,
-        found.round_trip,
-        found.loss,
-        found.fps,
-        found.bitrate,
-        found.freezes,
-        found.jitter,
-        found.frame_age,
-        way,
-    )
-
-
-def _table(rows: list[tuple[float | None, ...]], width: int) -> Floats:
-    """None becomes NaN."""
-    return np.array(rows, dtype=np.float64).reshape(len(rows), width)
-
-
-def _exact(values: Floats) -> Floats:
-    """Numbers are as exact as they are written, so that reading a file gives the same ones; adding
-    zero makes a negative zero positive.
-    """
-    return np.round(values, DECIMALS) + 0.0
+    values = matrix_of(columns)
+    values[:] = np.round(values, DECIMALS) + 0.0
+    return columns

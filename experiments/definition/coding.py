@@ -1,5 +1,5 @@
-"""What coders of a study's replays may note: point events, which have a moment, and state events,
-which have a beginning and an end, in seconds since the grant. Frozen with a study that declares it.
+"""What coders note on the replays of a study: point events and state events, which have a beginning
+and an end, in s since the grant.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,22 +12,21 @@ from surveys.documents import gettext_noop as _
 
 MAX_CODES, MAX_MODIFIERS, MAX_VALUES = 40, 5, 20
 MAX_NAME, MAX_DESCRIPTION = 80, 500
-# Keys that the replay's player has.
-TAKEN_KEYS = frozenset("k+- ")
+TAKEN_KEYS = frozenset("k+- ")  # of the replay's player
 # BORIS separates modifiers by these (boris/config.py, CHAR_FORBIDDEN_IN_MODIFIERS).
 FORBIDDEN_IN_MODIFIERS = frozenset("(|),`~")
 
 
 class Modifier(DocumentPart, frozen=True):
-    """What a coder adds to an event of a code: one of `values`, or nothing."""
+    """What a coder can add to an event: one of `values`."""
 
     name: str
     values: tuple[str, ...]
 
 
 class Code(DocumentPart, frozen=True):
-    """One thing to code. `code` names it in files, `name` on pages; `key` codes it on the replay,
-    "" only by its button. Of the state events of one `group`, one at a time is on.
+    """`code` is its name in files, `name` on pages, `key` its key on the replay ("": only a
+    button). State events of one `group` end each other.
     """
 
     code: Key
@@ -40,10 +39,8 @@ class Code(DocumentPart, frozen=True):
 
 
 class CodingScheme(DocumentPart, frozen=True, kw_only=True):
-    """The codes, and how agreement on them is computed.
-
-    `blind` coders see neither the condition nor what would give it away. Time is cut into bins of
-    `bin` seconds; events of two coders match when they begin within `tolerance` seconds.
+    """`blind` coders see neither the condition nor what would reveal it. Agreement by time has bins
+    of `bin` s; events of two coders match when they begin within `tolerance` s.
     """
 
     codes: tuple[Code, ...]
@@ -52,25 +49,22 @@ class CodingScheme(DocumentPart, frozen=True, kw_only=True):
     tolerance: Annotated[float, Meta(ge=0.0, le=60.0)] = 0.5
 
     def code(self, key: str) -> Code | None:
-        """Return the code with a key."""
         return next((code for code in self.codes if code.code == key), None)
 
 
 def scheme_problems(codes: Sequence[Code]) -> Iterator[Problem]:
-    """Yield what is wrong with the codes of a scheme."""
-    yield from within(_of_whole(codes), ProblemPlace("coding"))
+    place = ProblemPlace("coding")
+    if not codes:
+        yield Problem(_("The coding scheme has no codes."), place=place)
+    if len(codes) > MAX_CODES:
+        yield Problem(_("A coding scheme has at most %(n)d codes."), {"n": MAX_CODES}, place=place)
+    names = (code.name.strip().casefold() for code in codes)
+    keys = (code.key.lower() for code in codes if code.key)
+    yield from within(duplicates(_("Code"), (code.code for code in codes)), place)
+    yield from within(duplicates(_("Name"), names), place)
+    yield from within(duplicates(_("Key"), keys), place)
     for n, code in enumerate(codes):
         yield from within(_code_problems(code), ProblemPlace("codes", n), _("Code"), code.code)
-
-
-def _of_whole(codes: Sequence[Code]) -> Iterator[Problem]:
-    if not codes:
-        yield Problem(_("The coding scheme has no codes."))
-    if len(codes) > MAX_CODES:
-        yield Problem(_("A coding scheme has at most %(n)d codes."), {"n": MAX_CODES})
-    yield from duplicates(_("Code"), (code.code for code in codes))
-    yield from duplicates(_("Name"), (code.name.strip().casefold() for code in codes))
-    yield from duplicates(_("Key"), (code.key.lower() for code in codes if code.key))
 
 
 def _code_problems(code: Code) -> Iterator[Problem]:
@@ -80,8 +74,7 @@ def _code_problems(code: Code) -> Iterator[Problem]:
         words = _("choose a single character as the key. The player already uses k, + and −.")
         yield Problem(words)
     if len(code.description) > MAX_DESCRIPTION or "\x00" in code.description:
-        words = _("the description is longer than %(n)d characters.")
-        yield Problem(words, {"n": MAX_DESCRIPTION})
+        yield Problem(_("the description is longer than %(n)d characters."), {"n": MAX_DESCRIPTION})
     if len(code.group) > MAX_NAME or not code.group.isprintable():
         yield Problem(_("the group's name is too long."))
     if code.group and code.kind == "point":

@@ -1,87 +1,63 @@
-"""A condition as it is set on a robot, and whether it was in force.
-
-What was assigned and what the robot said of itself are both kept; `mismatches` tells where they
-differ, and a session with any is flagged.
-"""
+"""A condition as it is set on a robot, and whether it was in force (`mismatches`)."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-import msgspec
+from msgspec.structs import asdict, replace
 
 from experiments.definition.feasibility import CAPABILITY
 from experiments.definition.schema import Condition, Impairment
 from robots.api.floorplan import DoorState
 from robots.api.messages import Config, LabReport, LeaseLimits, NetworkLab, State
 
-FASTER = 1.02  # a robot may overshoot its limit by so much
-# nobody is kept from these
+FASTER = 1.02  # the overshoot of a speed limit that is no mismatch
+# Actions that every condition allows.
 ALWAYS = frozenset(
     {"stop", "estop", "cancel", "photo", "say", "call", "knock", "relocalize", "resend_states"}
 )
 
 
 def allowed_actions(condition: Condition) -> frozenset[str]:
-    """Return the types of Robot API actions that a visitor may ask for under a condition; they are
-    called like the capabilities.
-    """
+    """Return the types of Robot API actions that a condition allows."""
     return ALWAYS | {CAPABILITY[action] for action in condition.actions}
 
 
 def without_driving(condition: Condition) -> Condition:
-    """Return what a participant may do in a condition in which a hidden operator drives."""
-    return msgspec.structs.replace(condition, controllers=(), actions=(), idle_seconds=None)
+    """Return a condition for a participant while a hidden operator drives."""
+    return replace(condition, controllers=(), actions=(), idle_seconds=None)
 
 
 def lease_limits(condition: Condition) -> LeaseLimits:
-    """Return the speeds that a lease allows under a condition; the robot's own limits hold below
-    them.
-    """
     return LeaseLimits(linear=condition.speed.linear, angular=condition.speed.angular)
 
 
 def config(condition: Condition, doors: Iterable[str], *, stamp: float, seed: int) -> Config:
-    """Return what the server sets on the robot for a condition.
+    """Return what the server sets on the robot for a condition, at `stamp` (Unix time in s).
 
-    Args:
-        condition: the one that was assigned.
-        doors: the names of all doors of the site: those not closed are opened.
-        stamp: Unix time in seconds.
-        seed: of the session, for its network's chance.
+    `doors` are all doors of the site: those that the condition does not close are opened. `seed` is
+    that of the session, for the random losses and jitter of its network.
     """
-    states: dict[str, DoorState] = {
-        name: "closed" if name in condition.doors_closed else "open" for name in doors
-    }
-    control, video = condition.network.control, condition.network.video
+    closed: frozenset[str] = frozenset(condition.doors_closed)
+    states: dict[str, DoorState] = {one: "closed" if one in closed else "open" for one in doors}
     return Config(
         stamp=stamp,
         assist=condition.assist,
         doors=states,
-        control_network=_lab(control, seed),
-        video_network=_lab(video, seed + 1),
+        control_network=_lab(condition.network.control, seed),
+        video_network=_lab(condition.network.video, seed + 1),
     )
 
 
 def _lab(impairment: Impairment | None, seed: int) -> NetworkLab | None:
-    if _effective(impairment) is None or impairment is None:
-        return None
-    return NetworkLab(
-        delay=impairment.delay,
-        jitter=impairment.jitter,
-        loss=impairment.loss,
-        reorder=impairment.reorder,
-        bitrate=impairment.bitrate,
-        seed=seed,
-    )
+    found = _effective(impairment)
+    return NetworkLab(**asdict(found), seed=seed) if found is not None else None
 
 
 @dataclass
 class Applied:
-    """What was in force in a session, gathered from what the robot and the server's record say.
-    Speeds are the greatest, in m/s and rad/s.
-
-    `impaired` is every pair of networks that the robot reported while it was driven,
-    `control_network` and `video_network` its last word on what had become of their packets.
+    """What was in force in a session, by the states of the robot and the server's record. Speeds
+    are maxima in m/s and rad/s; `impaired` has every pair of networks that the robot reported while
+    it was driven, `control_network` and `video_network` its last reports.
     """
 
     robot: str
@@ -99,46 +75,32 @@ class Applied:
     angular: float = 0.0
 
     def see(self, state: State) -> None:
-        """Take in a state of the session."""
         self.assist.add(state.assist)
         self.linear = max(self.linear, *(abs(command.linear) for command in state.applied), 0.0)
         self.angular = max(self.angular, *(abs(command.angular) for command in state.applied), 0.0)
         self.methods |= {command.method for command in state.applied}
         self.ways |= {command.way for command in state.applied}
-        # in between, and while a visitor is away, the robot has no driver whose network it could be
+        # without a driver, the networks are not those of the condition
         if state.applied:
-            self.impaired.add(
-                (_impairment(state.control_network), _impairment(state.video_network))
-            )
+            networks = state.control_network, state.video_network
+            self.impaired.add((_impairment(networks[0]), _impairment(networks[1])))
         self.control_network = state.control_network or self.control_network
         self.video_network = state.video_network or self.video_network
 
 
-# What of a condition is compared with what was in force, in the order of its fields.
-ASPECTS = (
-    "robot",
-    "site",
-    "control_way",
-    "controllers",
-    "actions",
-    "assist",
-    "interface",
-    "speed",
-    "doors_closed",
-    "network",
-)
-# What is a participant's to do, and in force for nobody while a hidden operator drives.
+# The fields of a condition that are compared with what was in force.
+NOT_APPLIED = frozenset({"key", "title", "levels", "access", "idle_seconds"})
+ASPECTS = tuple(name for name in Condition.__struct_fields__ if name not in NOT_APPLIED)
+# Aspects that are the driver's: not in force while a hidden operator drives.
 OF_THE_DRIVER = frozenset({"control_way", "controllers", "actions"})
 
 
 def mismatches(
     condition: Condition, applied: Applied, *, by_wizard: bool = False
 ) -> tuple[str, ...]:
-    """Return the names of what was not as the condition says, in the order of its fields; empty
-    when all was. `by_wizard` is whether a hidden operator drove.
-    """
-    network = condition.network
-    speed = condition.speed
+    """Return the fields of a condition that were not in force; `by_wizard`: an operator drove."""
+    network, speed = condition.network, condition.speed
+    networks = _effective(network.control), _effective(network.video)
     wrong = {
         "robot": applied.robot != condition.robot,
         "site": applied.site != condition.site,
@@ -150,32 +112,21 @@ def mismatches(
         "interface": applied.interface not in {"", condition.interface},
         "speed": _faster(applied.linear, speed.linear) or _faster(applied.angular, speed.angular),
         "doors_closed": applied.doors_closed != set(condition.doors_closed),
-        "network": bool(
-            applied.impaired - {(_effective(network.control), _effective(network.video))}
-        ),
+        "network": bool(applied.impaired - {networks}),
     }
     skipped = OF_THE_DRIVER if by_wizard else frozenset()
     return tuple(name for name in ASPECTS if wrong[name] and name not in skipped)
 
 
 def _impairment(report: LabReport | None) -> Impairment | None:
-    """Return what a robot says that it has put on one direction, as a condition would say it."""
     if report is None:
         return None
-    lab = report.lab
-    return _effective(
-        Impairment(
-            delay=lab.delay,
-            jitter=lab.jitter,
-            loss=lab.loss,
-            reorder=lab.reorder,
-            bitrate=lab.bitrate,
-        )
-    )
+    lab = asdict(report.lab)
+    return _effective(Impairment(**{name: lab[name] for name in Impairment.__struct_fields__}))
 
 
 def _effective(impairment: Impairment | None) -> Impairment | None:
-    """One that changes nothing is none."""
+    """Return None for an impairment that changes nothing."""
     return None if impairment == Impairment() else impairment
 
 

@@ -1,12 +1,10 @@
-"""A course on its ground: what a condition's names of docks, doors and mirrors come to in the
-metres of a site's plan.
-"""
+"""A course in the metres of a site's plan: where a condition's docks, doors and mirrors are."""
 
 import math
 from dataclasses import dataclass, replace
 
 from experiments.definition.feasibility import dock_of
-from experiments.definition.schema import Condition, Course, StudyCheckpoint, StudyDefinition
+from experiments.definition.schema import Condition, Course, StudyDefinition
 from robots.api.docked import DOCKED, DockedRule
 from robots.api.floorplan import FloorPlan, contains
 from robots.api.geometry import Pose2D, wrap_angle
@@ -15,14 +13,12 @@ from robots.api.prepared import prepare
 
 
 class CourseError(ValueError):
-    """A course that does not fit the plan: experiments.definition.feasibility says why."""
+    """A course that does not fit the plan; feasibility.py says why."""
 
 
 @dataclass(frozen=True)
 class CourseStop:
-    """A checkpoint; `room` is the floor on which it must be passed, empty where it lies in no room
-    (a doorway).
-    """
+    """A checkpoint; `room` is the polygon in which it must be passed, empty in a doorway."""
 
     number: int
     x: float
@@ -31,22 +27,19 @@ class CourseStop:
     room: tuple[Point, ...] = ()
 
     def is_passed(self, motion: "Motion") -> bool:
-        """Tell whether a motion came near enough, and not on the other side of a wall."""
+        """Tell whether a motion came near enough, on the same side of the walls."""
         x, y = motion.nearest(self.x, self.y)
         return math.dist((x, y), (self.x, self.y)) <= self.radius and (
             not self.room or contains(self.room, x, y)
         )
 
     def distance(self, x: float, y: float) -> float:
-        """Return how far a point is, in metres."""
         return math.dist((x, y), (self.x, self.y))
 
 
 @dataclass(frozen=True)
 class Doorway:
-    """A door of the plan; `required` where the course asks for it and the
-    condition leaves it open.
-    """
+    """A door of the plan; `required` if the course names it and the condition leaves it open."""
 
     name: str
     start: Point
@@ -60,11 +53,8 @@ class Doorway:
 
 @dataclass(frozen=True)
 class Sight:
-    """How the robot stands to a mirror, as a fact: `bearing` radians from its nose to its
-    reflection (counter-clockwise), metres off.
-
-    `before` says whether there is glass where the reflection would be, `sees` whether the camera
-    shows it.
+    """A robot's view of a mirror: `bearing` of its reflection (radians, counter-clockwise) and
+    `distance` in metres. `before`: it faces the glass; `sees`: the camera shows the reflection.
     """
 
     bearing: float
@@ -75,7 +65,7 @@ class Sight:
 
 @dataclass(frozen=True)
 class PhotoSpot:
-    """Where the photo is asked for, and the mirror: its glass looks to the left of start → end."""
+    """The place of the photo and the mirror, whose glass is to the left of start → end."""
 
     stop: CourseStop
     radius: float
@@ -84,10 +74,9 @@ class PhotoSpot:
     end: Point
 
     def sight(self, pose: Pose2D) -> Sight:
-        """Return how a robot at `pose` stands to the mirror.
-
-        One's own reflection is seen where one stands square to the mirror's line; it is in the
-        picture when that foot lies on the glass and within `view` of the camera's axis.
+        """Return how a robot at `pose` sees the mirror. The reflection is at the foot of the
+        perpendicular on the mirror's line: visible if that is on the glass and within `view` of the
+        camera's axis.
         """
         along = (self.end[0] - self.start[0], self.end[1] - self.start[1])
         length = math.hypot(*along)
@@ -103,26 +92,22 @@ class PhotoSpot:
 
 @dataclass(frozen=True)
 class Motion:
-    """A straight line that the robot's middle has gone, in metres; start and end are the same where
-    no motion can be told.
-    """
+    """A straight motion of the robot's centre, in metres; a point without known motion."""
 
     start: Point
     end: Point
 
     def nearest(self, x: float, y: float) -> Point:
-        """Return the point of it that is nearest to another."""
         (ax, ay), (bx, by) = self.start, self.end
         dx, dy = bx - ax, by - ay
         square = dx * dx + dy * dy
-        share = (
-            0.0 if square == 0.0 else min(1.0, max(0.0, ((x - ax) * dx + (y - ay) * dy) / square))
-        )
+        along = ((x - ax) * dx + (y - ay) * dy) / square if square else 0.0
+        share = min(1.0, max(0.0, along))
         return ax + share * dx, ay + share * dy
 
     def crosses(self, start: Point, end: Point) -> bool:
-        """Tell whether it goes from one side of a doorway to the other, between its posts; the line
-        itself belongs to the right-hand side.
+        """Tell whether it crosses a doorway between its posts; a point on the line counts as on
+        the right-hand side.
         """
         before, after = _side(start, end, self.start), _side(start, end, self.end)
         if (before > 0.0) == (after > 0.0):
@@ -130,12 +115,8 @@ class Motion:
         share = before / (before - after)
         x = self.start[0] + share * (self.end[0] - self.start[0])
         y = self.start[1] + share * (self.end[1] - self.start[1])
-        along = (end[0] - start[0], end[1] - start[1])
-        return (
-            0.0
-            <= (x - start[0]) * along[0] + (y - start[1]) * along[1]
-            <= along[0] ** 2 + along[1] ** 2
-        )
+        dx, dy = end[0] - start[0], end[1] - start[1]
+        return 0.0 <= (x - start[0]) * dx + (y - start[1]) * dy <= dx**2 + dy**2
 
 
 def _side(start: Point, end: Point, point: Point) -> float:
@@ -145,11 +126,9 @@ def _side(start: Point, end: Point, point: Point) -> float:
 
 @dataclass(frozen=True)
 class CourseTrack:
-    """All that the task engine needs to know. `stops` are checkpoints 1, 2 …; `limit` and `last`
-    (what is announced) in seconds.
-
-    `docked` is the rule by which docking counts; None in drives from before there was one, where a
-    single state in the station did.
+    """What the task engine needs. `stops` are checkpoints 1, 2 …; `limit` and `last` (the
+    announced remainder) in s. `docked` is None in drives from before there was a rule: there, one
+    state in the station counts as docked.
     """
 
     dock: Pose2D
@@ -165,7 +144,7 @@ prepare(CourseTrack)
 
 
 def lay_out(study: StudyDefinition, condition: Condition, plan: FloorPlan) -> CourseTrack:
-    """Return the course of a condition on its ground.
+    """Return the course of a condition on a plan.
 
     Raises:
         CourseError: study, condition and plan do not fit together.
@@ -174,7 +153,11 @@ def lay_out(study: StudyDefinition, condition: Condition, plan: FloorPlan) -> Co
     dock = dock_of(course, plan) if course is not None else None
     if course is None or task is None or dock is None:
         raise CourseError(f"no course for condition {condition.key} on the plan {plan.map_id}")
-    stops = tuple(_stop(checkpoint, plan) for checkpoint in course.checkpoints[1:])
+    rooms = [plan.room_at(one.x, one.y) for one in course.checkpoints[1:]]
+    stops = tuple(
+        CourseStop(one.number, one.x, one.y, one.radius, room.polygon if room is not None else ())
+        for one, room in zip(course.checkpoints[1:], rooms, strict=True)
+    )
     required = set(course.doors) - set(condition.doors_closed)
     doorways = tuple(
         Doorway(door.name, door.start, door.end, door.name in required) for door in plan.doors
@@ -187,17 +170,6 @@ def lay_out(study: StudyDefinition, condition: Condition, plan: FloorPlan) -> Co
         limit=task.minutes * 60.0,
         last=task.last_minutes * 60.0,
         docked=replace(DOCKED, seconds=task.docked_seconds),
-    )
-
-
-def _stop(checkpoint: StudyCheckpoint, plan: FloorPlan) -> CourseStop:
-    room = plan.room_at(checkpoint.x, checkpoint.y)
-    return CourseStop(
-        checkpoint.number,
-        checkpoint.x,
-        checkpoint.y,
-        checkpoint.radius,
-        room.polygon if room is not None else (),
     )
 
 

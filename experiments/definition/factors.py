@@ -1,26 +1,92 @@
-"""Factors and their crossing: which conditions one participant may have, and what is wrong with the
-cells of a design. Pure.
-
-A condition is one cell: it has one level of each factor. A factor is *within* when a participant
-has all of its levels, *between* when they have one; a study with both kinds is a mixed design.
+"""Crossed factors: which conditions one participant may have, what levels set in a condition, and
+the problems of a design. A condition is a cell: it has one level of each factor.
 """
 
+import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import product
+from typing import Any, get_args
 
-from experiments.definition.design import Factor
-from experiments.definition.schema import Condition, StudyDefinition
+from msgspec.structs import replace
+
+from experiments.definition.design import Factor, Level, Setting
+from experiments.definition.schema import Condition, Impairment, StudyDefinition
 from surveys.documents import Problem, ProblemPlace, duplicates, within
 from surveys.documents import gettext_noop as _
 
 LEAST_LEVELS = 2
 MOST_PERMUTED = 4  # conditions of which all orders are made: 24
 MOST_ORDERED = 9  # conditions of one participant, in balanced or fixed order
+MOST_CELLS = 24  # conditions of a study
+# The path of a setting in a condition, where it is not a field of the condition.
+_INSIDE: Mapping[str, tuple[str, ...]] = {
+    **{
+        f"{direction}_{name}": ("network", direction, name)
+        for direction in ("video", "control")
+        for name in ("delay", "jitter", "loss")
+    },
+    "linear": ("speed", "linear"),
+    "angular": ("speed", "angular"),
+}
+SETTINGS = {name: _INSIDE.get(name, (name,)) for name in get_args(Setting)}
+SETTING_NAMES: Mapping[str, str] = {
+    "video_delay": _("delay of the video"),
+    "video_jitter": _("jitter of the video"),
+    "video_loss": _("packet loss of the video"),
+    "control_delay": _("delay of the commands"),
+    "control_jitter": _("jitter of the commands"),
+    "control_loss": _("packet loss of the commands"),
+    "assist": _("assistance"),
+    "interface": _("interface"),
+    "controllers": _("input devices"),
+    "actions": _("actions the robot may be given"),
+    "control_way": _("command channel"),
+    "linear": _("speed limit"),
+    "angular": _("limit of the turning speed"),
+    "doors_closed": _("closed doors"),
+    "robot": _("robot"),
+    "site": _("site"),
+}
+
+
+def setting_of(condition: Condition, name: str) -> Any:
+    value: Any = condition
+    for step in SETTINGS[name]:
+        value = getattr(Impairment() if value is None else value, step)
+    return value
+
+
+def levels_of(study: StudyDefinition, condition: Condition) -> list[tuple[Factor, Level]]:
+    """Return the levels of a condition, in the order of the factors, without unknown ones."""
+    return [
+        (factor, level)
+        for factor in study.factors
+        for level in factor.levels
+        if level.key == condition.levels.get(factor.key)
+    ]
+
+
+def with_levels(condition: Condition, cell: Iterable[tuple[Factor, Level]]) -> Condition:
+    for factor, level in cell:
+        for name in factor.changes:
+            value = getattr(level.sets, name)
+            if value is not None:
+                condition = _with(condition, SETTINGS[name], value)
+    return condition
+
+
+def _with(part: Any, path: Sequence[str], value: Any) -> Any:
+    name, *rest = path
+    if rest:
+        inner = getattr(part, name)
+        value = _with(Impairment() if inner is None else inner, rest, value)
+    return replace(part, **{name: None if value == Impairment() else value})
 
 
 def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], ...]:
-    """Return the conditions that are open to people who came that way, in groups: of one group a
-    participant has one condition (between) or all (within, or mixed designs).
+    """Return the conditions with an access, in groups: of one group a participant has one condition
+    (between participants) or all (within participants, or in a mixed design).
     """
     found: dict[tuple[str, ...], list[Condition]] = {}
     for condition in study.conditions:
@@ -30,8 +96,8 @@ def groups(study: StudyDefinition, access: str) -> tuple[tuple[Condition, ...], 
 
 
 def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
-    """Return the keys of the conditions that one participant may have, a tuple for each kind of
-    participant: one condition between participants, several within them.
+    """Return the keys of the conditions that one participant does, for each kind of participant:
+    one condition between participants, several within them.
     """
     found = [
         tuple(one.key for one in group)
@@ -44,29 +110,44 @@ def conditions_together(study: StudyDefinition) -> list[tuple[str, ...]]:
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield what is wrong with the factors of a study and their cells."""
     keys = (factor.key for factor in study.factors)
     yield from within(duplicates(_("Factor"), keys), ProblemPlace("factors"))
+    changed = Counter[str](name for factor in study.factors for name in factor.changes)
     for n, factor in enumerate(study.factors):
         place = ProblemPlace("factors", n)
-        yield from within(_of_factor(factor), place, _("Factor"), factor.key)
-    wrong = list(_of_levels(study))
-    yield from wrong
-    if study.factors and not wrong:
-        yield from _of_cells(study)
-    yield from within(_of_design(study), ProblemPlace("rules"))
+        yield from within(_of_factor(factor, changed), place, _("Factor"), factor.key)
+    count = math.prod(len(factor.levels) for factor in study.factors)
+    if count > MOST_CELLS:
+        words = _("The factors have %(n)d cells; at most %(most)d are allowed.")
+        yield Problem(words, {"n": count, "most": MOST_CELLS}, place=ProblemPlace("design"))
+    else:
+        wrong = [
+            problem
+            for n, one in enumerate(study.conditions)
+            for problem in of_condition(n, one, _of_levels(study, one))
+        ]
+        yield from wrong or _of_cells(study)
+    yield from within(_of_design(study), ProblemPlace("design"))
 
 
-def _of_factor(factor: Factor) -> Iterator[Problem]:
+def _of_factor(factor: Factor, changed: Mapping[str, int]) -> Iterator[Problem]:
     if len(factor.levels) < LEAST_LEVELS:
         yield Problem(_("it needs at least %(n)d levels."), {"n": LEAST_LEVELS})
     yield from duplicates(_("Level"), (level.key for level in factor.levels))
-
-
-def _of_levels(study: StudyDefinition) -> Iterator[Problem]:
-    known = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
-    for n, condition in enumerate(study.conditions):
-        yield from of_condition(n, condition, _of_own_levels(condition, known))
+    for name in factor.changes:
+        if changed[name] > 1:
+            words = _("another factor changes the same setting: %(setting)s.")
+            yield Problem(words, {"setting": SETTING_NAMES[name]})
+    for level in factor.levels:
+        for name in SETTINGS:
+            is_set, named = getattr(level.sets, name) is not None, SETTING_NAMES[name]
+            if is_set and name not in factor.changes:
+                words = _("the level %(level)s sets what the factor does not change: %(setting)s.")
+            elif not is_set and name in factor.changes:
+                words = _("the level %(level)s does not set what the factor changes: %(setting)s.")
+            else:
+                continue
+            yield Problem(words, {"level": level.key, "setting": named})
 
 
 def of_condition(n: int, condition: Condition, found: Iterable[Problem]) -> Iterator[Problem]:
@@ -74,7 +155,8 @@ def of_condition(n: int, condition: Condition, found: Iterable[Problem]) -> Iter
     return within(found, ProblemPlace("conditions", n), _("Condition"), condition.key)
 
 
-def _of_own_levels(condition: Condition, known: Mapping[str, list[str]]) -> Iterator[Problem]:
+def _of_levels(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:
+    known = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
     for key, levels in known.items():
         own = condition.levels.get(key, "")
         if not own:
@@ -85,9 +167,16 @@ def _of_own_levels(condition: Condition, known: Mapping[str, list[str]]) -> Iter
     for key in condition.levels:
         if key not in known:
             yield Problem(_("there is no factor %(key)s."), {"key": key})
+    wanted = with_levels(condition, levels_of(study, condition))
+    for name in SETTINGS:
+        if setting_of(condition, name) != setting_of(wanted, name):
+            words = _("it differs from what its levels set: %(setting)s.")
+            yield Problem(words, {"setting": SETTING_NAMES[name]})
 
 
 def _of_cells(study: StudyDefinition) -> Iterator[Problem]:
+    if not study.factors:
+        return
     wanted = product(*([(one.key, level.key) for level in one.levels] for one in study.factors))
     first: dict[tuple[tuple[str, str], ...], str] = {}
     for n, condition in enumerate(study.conditions):
@@ -109,20 +198,18 @@ def _of_cells(study: StudyDefinition) -> Iterator[Problem]:
 
 
 def cell_of(condition: Condition, factors: Sequence[Factor]) -> tuple[tuple[str, str], ...]:
-    """Return the levels of a condition, in the order of the factors."""
     return tuple((factor.key, condition.levels.get(factor.key, "")) for factor in factors)
 
 
 def _of_design(study: StudyDefinition) -> Iterator[Problem]:
     inside = [factor.key for factor in study.factors if factor.design == "within"]
-    if study.factors and (study.allocation.design == "within") != bool(inside):
-        if inside:
-            words = _("The assignment must be within participants, because the factor %(key)s is.")
-            yield Problem(words, {"key": inside[0]})
-        else:
-            words = _("The assignment must be between participants, because all factors are.")
-            yield Problem(words)
-    if study.allocation.design != "within":
+    is_within = study.allocation.design == "within"
+    if inside and not is_within:
+        words = _("The assignment must be within participants, because the factor %(key)s is.")
+        yield Problem(words, {"key": inside[0]})
+    if study.factors and is_within and not inside:
+        yield Problem(_("The assignment must be between participants, because all factors are."))
+    if not is_within:
         return
     most = MOST_PERMUTED if study.allocation.order == "all" else MOST_ORDERED
     for access in ("open", "invitation"):
@@ -130,19 +217,10 @@ def _of_design(study: StudyDefinition) -> Iterator[Problem]:
             if len(group) > most:
                 words = _("%(n)d conditions for each participant; at most %(most)d can be ordered.")
                 yield Problem(words, {"n": len(group), "most": most})
-    yield from _of_access(study)
-
-
-def _of_access(study: StudyDefinition) -> Iterator[Problem]:
-    """A participant has every level of a within factor, so its conditions are open to the same
-    people.
-    """
-    if not any(factor.design == "within" for factor in study.factors):
-        return
-    ways: dict[tuple[str, ...], set[str]] = {}
-    for condition in study.conditions:
-        ways.setdefault(_between_cell(study, condition), set()).add(condition.access)
-    if any(len(one) > 1 for one in ways.values()):
+    # A participant does every level of a within factor: those conditions need the same access.
+    cells = Counter(_between_cell(study, one) for one in study.conditions)
+    accesses = {(_between_cell(study, one), one.access) for one in study.conditions}
+    if inside and len(accesses) > len(cells):
         words = _(
             "The assignment gives a participant every level of a within factor: all conditions of "
             "one participant must have the same access (open, or by invitation)."

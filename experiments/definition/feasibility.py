@@ -1,33 +1,25 @@
-"""Can a study be run with the robots, sites and questionnaires that are at hand? One problem for
-each thing that stands in the way.
-"""
+"""Whether a study can run with the robots, sites and questionnaires of a server."""
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
+from msgspec.structs import replace
+
+from experiments.definition import slowing
 from experiments.definition import wizard as wizards
+from experiments.definition.design import OwnAction
 from experiments.definition.factors import of_condition
 from experiments.definition.problems import length_of, of_course
-from experiments.definition.schema import (
-    Condition,
-    Course,
-    Network,
-    OwnAction,
-    StudyDefinition,
-)
-from experiments.definition.slowing import (
-    REAL_COMMANDS,
-    REAL_PICTURES,
-    latest,
-    longest_video_delay,
-    predicted,
-)
+from experiments.definition.schema import Condition, Course, Network, StudyDefinition
 from experiments.definition.step import AskingStep
-from robots.api.floorplan import ChargingDock, FloorPlan
+from robots.api.floorplan import ChargingDock, FloorPlan, Wall
 from robots.api.geometry import Pose2D
 from robots.api.messages import Capability, Point
+from robots.world.inspection import BACKED_OUT, Floor
+from robots.world.render_plan import rasterise
 from surveys.documents import Problem, ProblemPlace, within
 from surveys.documents import gettext_noop as _
 
@@ -40,8 +32,7 @@ CAPABILITY: dict[OwnAction, Capability] = {
     "tilt": "tilt",
 }
 NETWORK_LAB: Capability = "network_lab"
-# Of the ages that a robot takes, what the real network and the visitor's own page need for
-# themselves, in seconds.
+# The parts of the accepted ages that are reserved for the real network and the page, in s.
 ROOM_FOR_COMMANDS, ROOM_FOR_PICTURES = 0.05, 0.15
 ROUNDING = 1e-9
 SLOW_COMMANDS = _(
@@ -56,15 +47,14 @@ SLOW_VIDEO = _(
     "%(speed).2f m/s. The condition would measure the safety limits as well as delay. Delay the "
     "video less."
 )
-SAME_PLACE = 0.5  # how far checkpoint 0 may lie from the docked pose: metres
-
-Unreachable = Callable[[FloorPlan, Iterable[str], Pose2D, Sequence[tuple[Point, float]]], list[int]]
+SAME_PLACE = 0.5  # largest distance of checkpoint 0 from the docked pose, in metres
+CELLS = 2.0  # the distance of free floor from the point before a station
 
 
 @dataclass(frozen=True)
 class RobotFacts:
-    """What a series of robots can do: its speed limits in m/s and rad/s, and how old a command and
-    its picture may be, in seconds.
+    """What a series of robots can do: its speed limits in m/s and rad/s, and how old commands and
+    the frames they are based on may be, in s.
     """
 
     capabilities: frozenset[str]
@@ -76,50 +66,38 @@ class RobotFacts:
 
 @dataclass(frozen=True)
 class Known:
-    """What is at hand. `questionnaires` has slug and version of those that can be used, not of
-    templates.
-    """
+    """What a server has; `questionnaires` are name and version of those that can be asked."""
 
     sites: Mapping[str, FloorPlan]
     robots: Mapping[str, RobotFacts]
     questionnaires: frozenset[tuple[str, int]]
-    interfaces: frozenset[str] = field(default_factory=lambda: frozenset({"standard"}))
+    interfaces: frozenset[str] = frozenset({"standard"})
 
 
-def obstacles(study: StudyDefinition, known: Known, unreachable: Unreachable) -> Iterator[Problem]:
-    """Yield what makes a study, which is right in itself, impossible here.
-
-    Args:
-        study: without problems of its own.
-        known: robots, sites and questionnaires at hand.
-        unreachable: tells which points cannot be got to (experiments.definition.reachability, or a
-            double).
-    """
+def obstacles(study: StudyDefinition, known: Known) -> Iterator[Problem]:
+    """Yield why a study without problems of its own is impossible here."""
     for n, step in enumerate(study.steps):
-        if isinstance(step, AskingStep):
-            found = _of_questionnaire(step, known)
-            yield from within(found, ProblemPlace("steps", n), _("Step"), step.key)
+        if (
+            isinstance(step, AskingStep)
+            and (step.questionnaire, step.version) not in known.questionnaires
+        ):
+            words = _("there is no usable questionnaire %(name)s, version %(n)d.")
+            wrong = Problem(words, {"name": step.questionnaire, "n": step.version})
+            yield from within([wrong], ProblemPlace("steps", n), _("Step"), step.key)
     for n, course in enumerate(study.courses):
         yield from of_course(n, course, _of_course(course, known))
     for n, condition in enumerate(study.conditions):
-        found = _of_condition(study, condition, known, unreachable)
-        yield from of_condition(n, condition, found)
-
-
-def _of_questionnaire(step: AskingStep, known: Known) -> Iterator[Problem]:
-    if (step.questionnaire, step.version) not in known.questionnaires:
-        words = _("there is no usable questionnaire %(name)s, version %(n)d.")
-        yield Problem(words, {"name": step.questionnaire, "n": step.version})
+        yield from of_condition(n, condition, _of_condition(study, condition, known))
 
 
 def dock_of(course: Course, plan: FloorPlan) -> ChargingDock | None:
-    """Return the station of a course: the one that it names, or the only one for its robot; None
-    when that is not exactly one.
-    """
-    fitting = [
-        dock for dock in plan.docks if dock.type == course.robot and course.dock in {"", dock.name}
-    ]
+    """Return the station that a course names, or the only one for its robot."""
+    fitting = [dock for dock in _docks(course, plan) if dock.type == course.robot]
     return fitting[0] if len(fitting) == 1 else None
+
+
+def _docks(course: Course, plan: FloorPlan) -> list[ChargingDock]:
+    return [dock for dock in plan.docks if course.dock in {"", dock.name}]
 
 
 def _of_course(course: Course, known: Known) -> Iterator[Problem]:
@@ -134,24 +112,18 @@ def _of_course(course: Course, known: Known) -> Iterator[Problem]:
             yield Problem(_("there is no door %(name)s."), {"name": name})
     if course.photo is not None and course.photo.mirror not in mirrors:
         yield Problem(_("there is no mirror %(name)s."), {"name": course.photo.mirror})
-    for checkpoint in course.checkpoints:
-        if plan.room_at(checkpoint.x, checkpoint.y) is None and not _in_doorway(
-            plan, checkpoint.x, checkpoint.y
-        ):
+    for one in course.checkpoints:
+        is_in_doorway = any(
+            math.dist(_middle(it.start, it.end), (one.x, one.y)) <= math.dist(it.start, it.end) / 2
+            for it in plan.openings
+        )
+        if plan.room_at(one.x, one.y) is None and not is_in_doorway:
             words = _("checkpoint %(n)d is not in a room; move it into one.")
-            yield _of_checkpoint(words, checkpoint.number)
+            yield _of_checkpoint(words, one.number)
 
 
 def _of_checkpoint(words: Any, number: int, **values: Any) -> Problem:
     return Problem(words, {"n": number, **values}, path=("checkpoints", number))
-
-
-def _in_doorway(plan: FloorPlan, x: float, y: float) -> bool:
-    return any(
-        math.dist(_middle(opening.start, opening.end), (x, y))
-        <= math.dist(opening.start, opening.end) / 2.0
-        for opening in plan.openings
-    )
 
 
 def _middle(start: Point, end: Point) -> Point:
@@ -159,35 +131,28 @@ def _middle(start: Point, end: Point) -> Point:
 
 
 def _of_dock(course: Course, plan: FloorPlan) -> Iterator[Problem]:
-    named = [dock for dock in plan.docks if course.dock in {"", dock.name}]
+    named = _docks(course, plan)
     fitting = [dock for dock in named if dock.type == course.robot]
     if not named:
-        words = _("there is no charging station %(name)s.")
-        none = Problem(_("there is no charging station."))
-        yield Problem(words, {"name": course.dock}) if course.dock else none
+        one = _("there is no charging station %(name)s.")
+        words = one if course.dock else _("there is no charging station.")
+        yield Problem(words, {"name": course.dock})
     elif not fitting:
         words = _("no charging station of the course fits %(robot)s.")
         yield Problem(words, {"robot": course.robot})
     elif len(fitting) > 1:
         words = _("there are %(n)d charging stations for %(robot)s: name the one to use.")
         yield Problem(words, {"n": len(fitting), "robot": course.robot})
-    elif (
-        course.checkpoints
-        and math.dist(
-            (course.checkpoints[0].x, course.checkpoints[0].y), (fitting[0].x, fitting[0].y)
-        )
-        > SAME_PLACE
-    ):
-        words = _("checkpoint %(n)d is not at the charging station %(name)s; move it there.")
-        yield _of_checkpoint(words, 0, name=fitting[0].name)
+    elif course.checkpoints:
+        first, dock = course.checkpoints[0], fitting[0]
+        if math.dist((first.x, first.y), (dock.x, dock.y)) > SAME_PLACE:
+            words = _("checkpoint %(n)d is not at the charging station %(name)s; move it there.")
+            yield _of_checkpoint(words, 0, name=dock.name)
 
 
-def _of_condition(
-    study: StudyDefinition, condition: Condition, known: Known, unreachable: Unreachable
-) -> Iterator[Problem]:
+def _of_condition(study: StudyDefinition, condition: Condition, known: Known) -> Iterator[Problem]:
     if condition.interface not in known.interfaces:
-        words = _("there is no interface profile %(name)s.")
-        yield Problem(words, {"name": condition.interface})
+        yield Problem(_("there is no interface profile %(name)s."), {"name": condition.interface})
     robot = known.robots.get(condition.robot)
     if robot is None:
         yield Problem(_("there is no robot of the series %(name)s."), {"name": condition.robot})
@@ -199,7 +164,7 @@ def _of_condition(
         places = frozenset(place.name for place in plan.places)
         yield from wizards.obstacles(wizard, places, robot.capabilities)
     if plan is not None and course is not None:
-        yield from _of_way(condition, course, plan, unreachable)
+        yield from _of_route(condition, course, plan)
 
 
 def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
@@ -210,15 +175,13 @@ def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -
         wanted["assist"] = Problem(words, {**name, "name": condition.assist})
     if condition.controllers:
         wanted["velocity"] = Problem(_("%(robot)s cannot be driven by hand."), name)
-    yield from (told for need, told in wanted.items() if need not in robot.capabilities)
+    yield from (problem for need, problem in wanted.items() if need not in robot.capabilities)
     yield from _of_network(condition, robot)
     yield from too_fast(condition, robot).values()
     course, task = study.course_of(condition), study.task
-    if (
-        course is not None
-        and task is not None
-        and length_of(course) / robot.linear >= task.minutes * 60.0
-    ):
+    if course is None or task is None:
+        return
+    if length_of(course) / robot.linear >= task.minutes * 60.0:
         words = _(
             "at %(speed)g m/s, the top speed of %(robot)s, the course takes longer than the task's "
             "%(n)g minutes."
@@ -227,9 +190,7 @@ def _of_robot(study: StudyDefinition, condition: Condition, robot: RobotFacts) -
 
 
 def too_fast(condition: Condition, robot: RobotFacts) -> dict[str, Problem]:
-    """Return why a condition's speed limits are none, by their field: the robot stays below them by
-    itself.
-    """
+    """Return the speed limits of a condition above those of the robot, by their field."""
     speed = condition.speed
     linear = _(
         "the speed limit of %(asked)g m/s is above the top speed of %(robot)s, %(most)g m/s: lower "
@@ -251,52 +212,43 @@ def too_fast(condition: Condition, robot: RobotFacts) -> dict[str, Problem]:
 
 
 def _of_network(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
-    """Yield why nobody could drive this robot over such a network, or why it would measure the
-    robot's limits on age, which hold in every condition.
-    """
     if condition.network != Network() and NETWORK_LAB not in robot.capabilities:
         words = _("%(robot)s cannot impair its network: remove the delay, loss or limit.")
         yield Problem(words, {"robot": condition.robot})
-    there, back = latest(condition.network.control), latest(condition.network.video)
+    there = slowing.latest(condition.network.control)
+    round_trip = there + slowing.latest(condition.network.video)
+    commands = _(
+        "commands would be delayed by up to %(late)g ms; %(robot)s accepts none older than "
+        "%(age)g ms, and %(room)g ms of that are reserved for the real network."
+    )
+    frames = _(
+        "video and the commands that answer it would be delayed by up to %(late)g ms; "
+        "%(robot)s accepts no command based on video older than %(age)g ms, and %(room)g ms of "
+        "that are reserved for the camera and the page."
+    )
     too_late = False
-    if there > robot.command_age - ROOM_FOR_COMMANDS + ROUNDING:
-        words = _(
-            "commands would be delayed by up to %(late)g ms; %(robot)s accepts none older than "
-            "%(age)g ms, and %(room)g ms of that are reserved for the real network."
-        )
-        yield _too_late(words, condition, there, robot.command_age, ROOM_FOR_COMMANDS)
-        too_late = True
-    if there + back > robot.frame_age - ROOM_FOR_PICTURES + ROUNDING:
-        words = _(
-            "video and the commands that answer it would be delayed by up to %(late)g ms; "
-            "%(robot)s accepts no command based on video older than %(age)g ms, and %(room)g ms of "
-            "that are reserved for the camera and the page."
-        )
-        yield _too_late(words, condition, there + back, robot.frame_age, ROOM_FOR_PICTURES)
-        too_late = True
+    for words, late, age, room in (
+        (commands, there, robot.command_age, ROOM_FOR_COMMANDS),
+        (frames, round_trip, robot.frame_age, ROOM_FOR_PICTURES),
+    ):
+        if late > age - room + ROUNDING:
+            too_late = True
+            times = {"late": 1000.0 * late, "age": 1000.0 * age, "room": 1000.0 * room}
+            yield Problem(words, {"robot": condition.robot, **times})
     if not too_late:
         yield from _of_slowing(condition, robot)
 
 
-def _too_late(words: Any, condition: Condition, late: float, age: float, room: float) -> Problem:
-    """Return what a delay prevents; seconds come in, and are told as milliseconds."""
-    times = {"late": 1000.0 * late, "age": 1000.0 * age, "room": 1000.0 * room}
-    return Problem(words, {"robot": condition.robot, **times})
-
-
 def _of_slowing(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
-    """Yield that the robot's safety kernel would slow the drive down, with the speed that is left
-    and what can be done.
-    """
-    found = predicted(condition.network, robot.command_age, robot.frame_age)
+    found = slowing.predicted(condition.network, robot.command_age, robot.frame_age)
     if not condition.controllers or not found.is_slowed:
         return
     speed = min(robot.linear, condition.speed.linear or math.inf)
-    there, back = latest(condition.network.control), latest(condition.network.video)
-    if there + REAL_COMMANDS > robot.command_age / 2.0:
-        words, late, age = SLOW_COMMANDS, there + REAL_COMMANDS, robot.command_age
-    else:
-        words, late, age = SLOW_VIDEO, there + back + REAL_PICTURES, robot.frame_age
+    there = slowing.latest(condition.network.control)
+    words, late, age = SLOW_COMMANDS, there + slowing.REAL_COMMANDS, robot.command_age
+    if late <= age / 2.0:
+        late = there + slowing.latest(condition.network.video) + slowing.REAL_PICTURES
+        words, age = SLOW_VIDEO, robot.frame_age
     values = {
         "robot": condition.robot,
         "late": 1000.0 * late,
@@ -304,16 +256,14 @@ def _of_slowing(condition: Condition, robot: RobotFacts) -> Iterator[Problem]:
         "left": found.share * speed,
         "speed": speed,
         "refused": 100.0 * found.refused,
-        "most": 1000.0 * longest_video_delay(Network(), robot.frame_age),
+        "most": 1000.0 * slowing.longest_video_delay(robot.frame_age),
     }
     yield Problem(words, values)
     if found.refused >= 0.005:
         yield Problem(_("the robot would refuse %(refused).0f%% of the commands."), values)
 
 
-def _of_way(
-    condition: Condition, course: Course, plan: FloorPlan, unreachable: Unreachable
-) -> Iterator[Problem]:
+def _of_route(condition: Condition, course: Course, plan: FloorPlan) -> Iterator[Problem]:
     doors = {door.name for door in plan.doors}
     unknown = [name for name in condition.doors_closed if name not in doors]
     for name in unknown:
@@ -321,14 +271,25 @@ def _of_way(
     dock = dock_of(course, plan)
     if dock is None or unknown:
         return
-    spots = [
-        ((checkpoint.x, checkpoint.y), checkpoint.radius) for checkpoint in course.checkpoints[1:]
-    ]
     words = _("checkpoint %(n)d cannot be reached from the charging station.")
     if condition.doors_closed:
         words = _(
             "checkpoint %(n)d cannot be reached from the charging station with %(doors)s closed."
         )
-    start, closed = Pose2D(dock.x, dock.y, dock.theta), ", ".join(condition.doors_closed)
-    for index in unreachable(plan, condition.doors_closed, start, spots):
-        yield _of_checkpoint(words, course.checkpoints[1:][index].number, doors=closed)
+    floor, closed = _floor(plan, condition.doors_closed), ", ".join(condition.doors_closed)
+    x, y = Pose2D(dock.x, dock.y, dock.theta).apply(-BACKED_OUT, 0.0)
+    home = floor.about(x, y, CELLS * floor.grid.transform.resolution)[1]
+    for one in course.checkpoints[1:]:
+        if not home & floor.about(one.x, one.y, one.radius / 2.0)[1]:
+            yield _of_checkpoint(words, one.number, doors=closed)
+
+
+@lru_cache(maxsize=16)
+def _floor(plan: FloorPlan, closed: tuple[str, ...]) -> Floor:
+    """Return the floor of the site's inspection, where a closed door is a wall."""
+    leaves = [
+        Wall(start=door.start, end=door.end, thickness=door.thickness)
+        for door in plan.doors
+        if door.name in closed
+    ]
+    return Floor.of(rasterise(replace(plan, walls=(*plan.walls, *leaves))))

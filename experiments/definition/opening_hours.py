@@ -1,10 +1,9 @@
-"""When a study can be taken part in: spans of the week in the study's own time zone. None at all
-means always.
+"""When a study is open: spans of the week in its own time zone; no span means always.
 
-A span is `{"days": [0..6], "start": "09:00", "end": "17:00"}`, Monday is 0; one that does not end
-later than it starts ends on the next day, so that `00:00` to `00:00` is a whole one. Wall-clock
-times: a study that opens at nine opens at nine on both sides of a change of the clocks. A time that
-the clocks skip counts as the same moment told by the clock before the change.
+A span is `{"days": [0..6], "start": "09:00", "end": "17:00"}`, Monday is 0. A span that does not
+end later than it starts ends on the next day: `00:00` to `00:00` is a whole day. These are
+wall-clock times, also across a change of the clocks; a time that the clocks skip counts as the
+moment that the clock before the change would show.
 """
 
 import datetime
@@ -23,25 +22,17 @@ _WEEK = 7
 
 
 def problems(hours: Any, time_zone: str) -> Iterator[Problem]:
-    """Yield what is wrong with opening hours as somebody wrote them."""
-    if not _is_zone(time_zone):
+    """Yield the problems of opening hours from a form or file."""
+    try:
+        ZoneInfo(time_zone)
+    except (ZoneInfoNotFoundError, ValueError, OSError):  # also for folders and bad paths
         words = _("There is no time zone “%(name)s”; use a name such as Europe/Madrid.")
         yield Problem(words, {"name": time_zone})
     if not isinstance(hours, list) or len(hours) > _MOST_SPANS:
-        words = _("Opening hours must be a list of at most %(n)d spans.")
-        yield Problem(words, {"n": _MOST_SPANS})
+        yield Problem(_("Opening hours must be a list of at most %(n)d spans."), {"n": _MOST_SPANS})
         return
     for number, span in enumerate(hours, start=1):
         yield from within(_of_span(span), None, _("Span"), number)
-
-
-def _is_zone(name: str) -> bool:
-    try:
-        ZoneInfo(name)
-    except (ZoneInfoNotFoundError, ValueError, OSError):
-        # a folder's name and a bad path are no zones either
-        return False
-    return True
 
 
 def _of_span(span: Any) -> Iterator[Problem]:
@@ -61,37 +52,32 @@ def _of_span(span: Any) -> Iterator[Problem]:
 
 
 def is_open(hours: Hours, time_zone: str, now: datetime.datetime) -> bool:
-    """Tell whether a study is open at an aware moment."""
-    return not hours or any(start <= now < end for start, end in _around(hours, time_zone, now))
+    return not hours or any(start <= now < end for start, end in spans(hours, time_zone, now))
 
 
 def opens_at(hours: Hours, time_zone: str, now: datetime.datetime) -> datetime.datetime | None:
     """Return when a closed study opens next, in its own time zone; None when it is open."""
     if is_open(hours, time_zone, now):
         return None
-    later = min(start for start, _end in _around(hours, time_zone, now) if start > now)
+    later = min(start for start, _end in spans(hours, time_zone, now) if start > now)
     return later.astimezone(ZoneInfo(time_zone))
 
 
 def opens_on_the_wall(
     hours: Hours, time_zone: str, now: datetime.datetime
 ) -> datetime.datetime | None:
-    """Return `opens_at` as the clock on the wall shows it there: naive, so that no page turns it
-    into another zone's.
-    """
+    """Return `opens_at` as naive wall-clock time there, which templates do not convert."""
     later = opens_at(hours, time_zone, now)
     return later.replace(tzinfo=None) if later is not None else None
 
 
-def _around(
-    hours: Hours, time_zone: str, now: datetime.datetime
+def spans(
+    hours: Hours, time_zone: str, now: datetime.datetime, days_ahead: int = _WEEK + 1
 ) -> list[tuple[datetime.datetime, datetime.datetime]]:
-    """Return the spans from the day before a moment to a week after it, as moments in UTC: only
-    there are they compared rightly.
-    """
+    """Return the spans from the day before a moment to `days_ahead` days after it, in UTC."""
     zone = ZoneInfo(time_zone)
     today = now.astimezone(zone).date()
-    days = [today + datetime.timedelta(days=shift) for shift in range(-1, _WEEK + 2)]
+    days = [today + datetime.timedelta(days=shift) for shift in range(-1, days_ahead + 1)]
     return [
         _moments(span, day, zone) for day in days for span in hours if day.weekday() in span["days"]
     ]
@@ -100,13 +86,9 @@ def _around(
 def _moments(
     span: Mapping[str, Any], day: datetime.date, zone: ZoneInfo
 ) -> tuple[datetime.datetime, datetime.datetime]:
-    start, end = (
-        datetime.time.fromisoformat(span["start"]),
-        datetime.time.fromisoformat(span["end"]),
-    )
+    start, end = (datetime.time.fromisoformat(span[name]) for name in ("start", "end"))
     last = day if end > start else day + datetime.timedelta(days=1)
-    return _utc(day, start, zone), _utc(last, end, zone)
-
-
-def _utc(day: datetime.date, clock: datetime.time, zone: ZoneInfo) -> datetime.datetime:
-    return datetime.datetime.combine(day, clock, zone).astimezone(datetime.UTC)
+    opens = datetime.datetime.combine(day, start, zone)
+    closes = datetime.datetime.combine(last, end, zone)
+    # In UTC: moments of one zone compare by the wall clock, which is wrong when the clocks change.
+    return opens.astimezone(datetime.UTC), closes.astimezone(datetime.UTC)

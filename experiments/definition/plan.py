@@ -1,14 +1,10 @@
-"""The plan of a study: what its researchers commit themselves to before there are data.
-
-A plan is frozen with the study's version. Its hypotheses name the declared analyses
-(experiments/definition/analyses.py) that test them: such tests are *confirmatory*, every other one
-is *exploratory*. Its rules of exclusion are applied by experiments/analysis/plan/exclusions.py, its
-expected effects are simulated by experiments/analysis/power/.
-
-All texts are the researchers' own, in one language: participants never see them.
+"""The plan of a study: hypotheses, exclusions and expected effects, decided before there are data
+and frozen with the version. Tests of declared analyses that a hypothesis names are *confirmatory*,
+all others *exploratory*. experiments/dataset/exclusions.py applies the exclusions,
+experiments/analysis/power/ simulates the expected effects. Texts are in one language: participants
+never see them.
 """
 
-from collections.abc import Iterator
 from typing import Annotated, Literal
 
 from msgspec import Meta
@@ -24,12 +20,10 @@ EXPLORATORY = "exploratory"
 
 
 class Hypothesis(DocumentPart, frozen=True, kw_only=True):
-    """A hypothesis, and the tests of one declared analysis that decide on it.
-
-    `measures` are those of the analysis that it is about (none: all of them), `contrast` the number
-    of one of its contrasts, from 1 (None: all), `effect` the effect of a mixed model (empty: all).
-    With `greater` the first side of the contrast is expected to have the greater values, or the
-    second level of the effect.
+    """A hypothesis and the tests of a declared analysis that decide it: those of `measures`
+    (empty: all), of the `contrast` with this number from 1 (None: all) or of the `effect` of a
+    model (empty: all). `greater`: the first side of the contrast, or the first level of the factor,
+    has the greater values.
     """
 
     key: Key
@@ -42,8 +36,8 @@ class Hypothesis(DocumentPart, frozen=True, kw_only=True):
 
 
 class HypothesisFamily(DocumentPart, frozen=True, kw_only=True):
-    """Hypotheses whose tests are corrected together by Holm's method. A hypothesis that is in no
-    family is corrected with the tests of its analysis.
+    """Hypotheses whose tests are corrected together by Holm's method; those of a hypothesis
+    without a family are corrected with its analysis.
     """
 
     key: Key
@@ -51,7 +45,7 @@ class HypothesisFamily(DocumentPart, frozen=True, kw_only=True):
 
 
 class AttentionCheck(DocumentPart, frozen=True, kw_only=True):
-    """An item with a right answer; participants who give another one are excluded."""
+    """Participants who give another answer to an item are excluded."""
 
     questionnaire: Slug
     item: Key
@@ -59,8 +53,8 @@ class AttentionCheck(DocumentPart, frozen=True, kw_only=True):
 
 
 class Speeder(DocumentPart, frozen=True, kw_only=True):
-    """Participants who answer a questionnaire faster than `seconds`, or than this share of the
-    median of all who answered it, are excluded.
+    """Participants who answer a questionnaire in less than `seconds`, or than this share of the
+    median of all respondents, are excluded.
     """
 
     questionnaire: Slug
@@ -69,24 +63,24 @@ class Speeder(DocumentPart, frozen=True, kw_only=True):
 
 
 class ExpectedEffect(DocumentPart, frozen=True, kw_only=True):
-    """What is expected of a measure in a condition: by how much its mean differs from that of the
-    study's first condition, in the unit of the measure; its standard deviation, and the correlation
-    of a participant's values in two conditions.
+    """The expected values of a measure in a condition, for simulating power: the `difference` of
+    its mean from the study's first condition, in the unit of the measure, its standard deviation,
+    and the correlation of a participant's values in two conditions. Of proportions, counts and
+    times `level` is the expected share, events per minute, or median in s.
     """
 
     measure: Measure
     condition: str = ""
     difference: float = 0.0
+    level: Positive | None = None
     sd: Positive | None = None
     correlation: Correlation | None = None
 
 
 class StudyPlan(DocumentPart, frozen=True, kw_only=True):
-    """What is decided before there are data.
-
-    `participants` are the complete cases that are wanted; `alpha` is the level of significance,
-    `power` the wanted chance to find each expected effect. `incomplete` participants are kept, or
-    excluded when they lack a drive, or a drive or an answered questionnaire.
+    """`participants` is the planned number of complete cases, `alpha` the level of significance,
+    `power` the target for each expected effect. `incomplete` participants are kept, or excluded if
+    they lack a drive, or a drive or an answered questionnaire.
     """
 
     question: str = ""
@@ -106,26 +100,15 @@ class StudyPlan(DocumentPart, frozen=True, kw_only=True):
     notes: str = ""
 
 
-def own_texts(plan: StudyPlan) -> Iterator[str]:
-    """Yield every text that researchers wrote."""
-    yield from (plan.question, plan.rationale, plan.stopping)
-    yield from (plan.blinding, plan.missing_data, plan.notes)
-    yield from (one.text for one in plan.hypotheses)
-    yield from (one.answer for one in plan.attention_checks)
-
-
 def is_confirmatory(plan: StudyPlan | None) -> bool:
-    """Tell whether a plan has hypotheses, so that some tests of its study are confirmatory."""
     return plan is not None and bool(plan.hypotheses)
 
 
 def measures_of(hypothesis: Hypothesis, analysis: DeclaredAnalysis) -> tuple[Measure, ...]:
-    """Return the measures of an analysis that a hypothesis is about."""
     return hypothesis.measures or analysis.measures
 
 
 def hypotheses_of(plan: StudyPlan | None, analysis: DeclaredAnalysis) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses of a plan that an analysis tests."""
     known = plan.hypotheses if plan is not None else ()
     return tuple(one for one in known if one.analysis == analysis.key)
 
@@ -138,14 +121,8 @@ def deciding_hypotheses(
     contrast: int | None = None,
     effect: str = "",
 ) -> tuple[Hypothesis, ...]:
-    """Return the hypotheses that one test of an analysis decides on.
-
-    Args:
-        plan: of the study, if there is one.
-        analysis: one of the study's declared analyses.
-        measure: what is tested.
-        contrast: the number of the contrast, from 1; None for a test of all conditions at once.
-        effect: of a mixed model.
+    """Return the hypotheses that one test of a measure decides. `contrast` is its number from 1;
+    None for a test of all conditions at once. `effect` is that of a model.
     """
     return tuple(
         one

@@ -1,6 +1,8 @@
-"""What is wrong with the plan of a study. Asks nothing but the study itself."""
+"""The problems of a plan in itself."""
 
 from collections.abc import Iterator
+
+from msgspec.structs import astuple
 
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.plan import (
@@ -9,7 +11,6 @@ from experiments.definition.plan import (
     Hypothesis,
     Speeder,
     StudyPlan,
-    own_texts,
 )
 from experiments.definition.schema import StudyDefinition
 from surveys.documents import MAX_TEXT, Problem, duplicates, within
@@ -17,30 +18,33 @@ from surveys.documents import gettext_noop as _
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield what is wrong with the plan of a study; nothing where there is none."""
     plan = study.plan
     if plan is None:
         return
-    yield from _of_texts(plan)
-    yield from duplicates(_("Hypothesis"), (one.key for one in plan.hypotheses))
-    for one in plan.hypotheses:
-        yield from within(_of_hypothesis(one, study), None, _("hypothesis"), one.key)
-    yield from _of_families(plan)
-    for rule in (*plan.attention_checks, *plan.speeders):
-        yield from _of_rule(rule, study)
-    for expected in plan.expected:
-        yield from _of_expected(expected, study)
-    yield from _of_the_same(plan)
-    if plan.stopping and plan.participants is None:
-        yield Problem(_("there is a stopping rule, but no planned number of participants."))
-
-
-def _of_texts(plan: StudyPlan) -> Iterator[Problem]:
-    for text in own_texts(plan):
+    own = [text for text in astuple(plan) if isinstance(text, str)]
+    texts = (one.text for one in plan.hypotheses)
+    answers = (one.answer for one in plan.attention_checks)
+    for text in (*own, *texts, *answers):
         if "\x00" in text:
             yield Problem(_("a text contains a null character; remove it."))
         if len(text) > MAX_TEXT:
             yield Problem(_("a text is longer than %(n)d characters."), {"n": MAX_TEXT})
+    yield from duplicates(_("Hypothesis"), (one.key for one in plan.hypotheses))
+    for one in plan.hypotheses:
+        yield from within(_of_hypothesis(one, study), None, _("hypothesis"), one.key)
+    yield from _of_families(plan)
+    rules: list[AttentionCheck | Speeder] = [*plan.attention_checks, *plan.speeders]
+    for rule in rules:
+        yield from _of_rule(rule, study)
+    for expected in plan.expected:
+        yield from _of_expected(expected, study)
+    checks = (f"{one.questionnaire}.{one.item}" for one in plan.attention_checks)
+    yield from duplicates(_("Attention check"), checks)
+    yield from duplicates(_("Rule on fast answers"), (one.questionnaire for one in plan.speeders))
+    effects = (f"{one.measure}, {one.condition}" for one in plan.expected)
+    yield from duplicates(_("Expected effect"), effects)
+    if plan.stopping and plan.participants is None:
+        yield Problem(_("there is a stopping rule, but no planned number of participants."))
 
 
 def _of_hypothesis(one: Hypothesis, study: StudyDefinition) -> Iterator[Problem]:
@@ -57,34 +61,35 @@ def _of_hypothesis(one: Hypothesis, study: StudyDefinition) -> Iterator[Problem]
         if measure not in analysis.measures:
             words = _("the analysis %(key)s does not measure %(measure)s.")
             yield Problem(words, {"key": analysis.key, "measure": measure})
-    yield from _of_contrast(one, analysis)
-    yield from _of_effect(one, analysis, study)
-
-
-def _of_contrast(one: Hypothesis, analysis: DeclaredAnalysis) -> Iterator[Problem]:
     if one.contrast is not None and one.contrast > len(analysis.contrasts):
         words = _("the analysis %(key)s has no contrast %(n)d.")
         yield Problem(words, {"key": analysis.key, "n": one.contrast})
-    if analysis.test != "mixed" and one.direction != "different" and not analysis.contrasts:
-        words = _(
-            "it has a direction, but the analysis %(key)s compares all conditions at once: add a "
-            "contrast."
-        )
-        yield Problem(words, {"key": analysis.key})
-
-
-def _of_effect(
-    one: Hypothesis, analysis: DeclaredAnalysis, study: StudyDefinition
-) -> Iterator[Problem]:
     if one.effect and one.effect not in analysis.effects:
         words = _("the analysis %(key)s has no effect %(effect)s.")
         yield Problem(words, {"key": analysis.key, "effect": one.effect})
-    if analysis.test == "mixed" and one.direction != "different":
-        levels = next((len(it.levels) for it in study.factors if it.key == one.effect), 0)
-        if levels != 2:
-            yield Problem(
-                _("in a mixed model, only the effect of a factor with two levels has a direction.")
+    if one.direction != "different":
+        yield from _of_direction(one, analysis, study)
+
+
+def _of_direction(
+    one: Hypothesis, analysis: DeclaredAnalysis, study: StudyDefinition
+) -> Iterator[Problem]:
+    levels = next((len(it.levels) for it in study.factors if it.key == one.effect), 0)
+    if not analysis.is_model:
+        if not analysis.contrasts:
+            words = _(
+                "it has a direction, but the analysis %(key)s compares all conditions at once: add "
+                "a contrast."
             )
+            yield Problem(words, {"key": analysis.key})
+    elif levels != 2:
+        yield Problem(_("in a model, only the effect of a factor with two levels has a direction."))
+    elif analysis.interacts(one.effect):
+        words = _(
+            "it has a direction, but the effect of %(key)s depends on another factor in the"
+            " analysis %(analysis)s: declare a contrast, or leave out the interaction."
+        )
+        yield Problem(words, {"key": one.effect, "analysis": analysis.key})
 
 
 def _of_families(plan: StudyPlan) -> Iterator[Problem]:
@@ -115,14 +120,6 @@ def _of_rule(rule: AttentionCheck | Speeder, study: StudyDefinition) -> Iterator
     elif rule.seconds is None and rule.median_share is None:
         name = (_("fast answers to"), rule.questionnaire)
         yield Problem(_("give seconds, or a share of the median."), names=(name,))
-
-
-def _of_the_same(plan: StudyPlan) -> Iterator[Problem]:
-    checks = (f"{one.questionnaire}.{one.item}" for one in plan.attention_checks)
-    yield from duplicates(_("Attention check"), checks)
-    yield from duplicates(_("Rule on fast answers"), (one.questionnaire for one in plan.speeders))
-    expected = (f"{one.measure}, {one.condition}" for one in plan.expected)
-    yield from duplicates(_("Expected effect"), expected)
 
 
 def _of_expected(one: ExpectedEffect, study: StudyDefinition) -> Iterator[Problem]:

@@ -1,6 +1,4 @@
-"""What is wrong with a study that somebody wrote, and where it is corrected. Asks nothing but the
-study itself.
-"""
+"""The problems of a definition in itself, and where each is corrected."""
 
 import math
 from collections.abc import Iterable, Iterator
@@ -8,10 +6,12 @@ from dataclasses import replace
 
 from experiments.definition import factors, plan_problems
 from experiments.definition import wizard as wizards
-from experiments.definition.analyses import EFFECTS, DeclaredAnalysis
+from experiments.definition.analyses import AGE, EFFECTS, FAMILIES, DeclaredAnalysis
 from experiments.definition.coding import scheme_problems
+from experiments.definition.recruitment.piping import piping_problems
+from experiments.definition.recruitment.recruiting import recruiting_problems, screening_problems
 from experiments.definition.schema import Condition, Course, Impairment, StudyDefinition
-from experiments.definition.step import Step
+from experiments.definition.step import AskingStep, Step
 from experiments.definition.steps import KINDS
 from surveys.documents import Problem, ProblemPlace, checked, duplicates, text_problems, within
 from surveys.documents import gettext_noop as _
@@ -19,19 +19,18 @@ from surveys.documents import gettext_noop as _
 MAX_BYTES = 1024 * 1024
 MOST_MINUTES = 240.0  # of driving, for one participant
 LEAST_CHECKPOINTS = 2
-# Beyond these nobody can drive: with more loss the robot brakes between commands, below these rates
-# commands or pictures only queue (bit/s).
+# Limits of driving: with more loss the robot brakes between commands, below these rates (bit/s)
+# commands or frames queue.
 MOST_LOSS, LEAST_CONTROL_RATE, LEAST_VIDEO_RATE = 0.5, 50e3, 150e3
-# a study of that name could not be reached: /studies/link/ leads to personal links
-TAKEN_NAMES = frozenset({"link"})
+# Addresses below /studies/ that a study of this name would hide.
+TAKEN_NAMES = frozenset({"link", "invitation", "media"})
 
 
 def parse(document: bytes) -> StudyDefinition:
     """Return the study that a JSON document holds.
 
     Raises:
-        BadDefinitionError: with every problem found; JSON or types that are wrong end the search at
-            the first.
+        BadDefinitionError: with every problem; of JSON and types only with the first.
     """
     kind = _("kind of step")
     return checked(
@@ -40,22 +39,27 @@ def parse(document: bytes) -> StudyDefinition:
 
 
 def problems(study: StudyDefinition) -> Iterator[Problem]:
-    """Yield what is wrong with a study whose types are right."""
     yield from _of_the_whole(study)
-    yield from _of_steps(study)
+    yield from within(_of_all_steps(study), ProblemPlace("steps"))
+    for n, step in enumerate(study.steps):
+        found = (*step.problems(), *_of_own_pages(study, step))
+        yield from within(found, ProblemPlace("steps", n), _("Step"), step.key)
     for n, condition in enumerate(study.conditions):
         yield from factors.of_condition(n, condition, _of_condition(study, condition))
     for n, course in enumerate(study.courses):
         yield from of_course(n, course, _of_course(study, course))
-    yield from _of_allocation(study)
+    yield from _of_assignment_and_analysis(study)
     if study.wizard is not None:
+        keys = [condition.key for condition in study.conditions]
         yield from wizards.problems(
-            study.wizard,
-            [condition.key for condition in study.conditions],
-            study.languages,
-            told=study.tells_of_operator,
+            study.wizard, keys, study.languages, is_debriefed=study.tells_of_operator
         )
     yield from within(plan_problems.problems(study), ProblemPlace("plan"), _("Plan"))
+    place, asked = ProblemPlace("recruitment"), {step.questionnaire for step in study.asking}
+    if study.recruiting is not None:
+        yield from within(recruiting_problems(study.recruiting), place)
+    yield from within(screening_problems(study.screening, study.answer_quotas, asked), place)
+    yield from within(piping_problems(study.steps), place)
 
 
 def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Problem]:
@@ -65,34 +69,22 @@ def of_course(n: int, course: Course, found: Iterable[Problem]) -> Iterator[Prob
 
 
 def name_problems(slug: str) -> Iterator[Problem]:
-    """Yield why a study cannot have a name."""
     if slug in TAKEN_NAMES:
         words = _(
-            "The name %(name)s is reserved for the addresses of personal links: give the study "
-            "another one."
+            "The name %(name)s is reserved for other addresses of the site: give the study another "
+            "one."
         )
         yield Problem(words, {"name": slug})
 
 
 def _of_the_whole(study: StudyDefinition) -> Iterator[Problem]:
+    about = ProblemPlace("about")
     yield from name_problems(study.slug)
-    yield from within(_of_the_study_itself(study), ProblemPlace("about"))
-    yield from _of_texts(study)
-    keys = (condition.key for condition in study.conditions)
-    yield from within(duplicates(_("Condition"), keys), ProblemPlace("conditions"))
-    names = (f"{course.robot}, {course.site}" for course in study.courses)
-    yield from within(duplicates(_("Course"), names), ProblemPlace("courses"))
-
-
-def _of_the_study_itself(study: StudyDefinition) -> Iterator[Problem]:
     if not study.languages:
-        yield Problem(_("There is no language; add at least one."))
-    yield from duplicates(_("Language"), study.languages)
+        yield Problem(_("There is no language; add at least one."), place=about)
+    yield from within(duplicates(_("Language"), study.languages), about)
     if "\x00" in study.source + study.licence + study.recruitment + study.compensation:
-        yield Problem(_("A text of the study contains a null character; remove it."))
-
-
-def _of_texts(study: StudyDefinition) -> Iterator[Problem]:
+        yield Problem(_("A text of the study contains a null character; remove it."), place=about)
     for one in text_problems(study, "study", study.languages):
         match one.path:
             case ("wizard", "stages", int(n), *path):
@@ -100,15 +92,12 @@ def _of_texts(study: StudyDefinition) -> Iterator[Problem]:
             case (str(section), int(n), *path):
                 place = ProblemPlace(section, n)
             case path:
-                place = ProblemPlace("about")
+                place = about
         yield replace(one, place=place, path=tuple(path))
-
-
-def _of_steps(study: StudyDefinition) -> Iterator[Problem]:
-    yield from within(_of_all_steps(study), ProblemPlace("steps"))
-    for n, step in enumerate(study.steps):
-        found = (*step.problems(), *_of_own_pages(study, step))
-        yield from within(found, ProblemPlace("steps", n), _("Step"), step.key)
+    keys = (condition.key for condition in study.conditions)
+    yield from within(duplicates(_("Condition"), keys), ProblemPlace("conditions"))
+    names = (f"{course.robot}, {course.site}" for course in study.courses)
+    yield from within(duplicates(_("Course"), names), ProblemPlace("courses"))
 
 
 def _of_own_pages(study: StudyDefinition, step: Step) -> Iterator[Problem]:
@@ -124,9 +113,7 @@ def _of_own_pages(study: StudyDefinition, step: Step) -> Iterator[Problem]:
 
 
 def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
-    """Who drives several times goes round the repeated steps, so these stand together and the task
-    is among them.
-    """
+    """A round of a participant is the repeated steps: they are consecutive, with the task."""
     yield from duplicates(_("Step"), (step.key for step in study.steps))
     for kind in KINDS.values():
         yield from kind.problems_among(study.steps)
@@ -145,6 +132,27 @@ def _of_all_steps(study: StudyDefinition) -> Iterator[Problem]:
         yield Problem(words, {"n": task.last_minutes})
 
 
+def doubts(study: StudyDefinition) -> Iterator[Problem]:
+    """Yield settings that are allowed but probably a mistake; the publisher confirms them."""
+    task = study.task
+    if task is None or not participants_do_several(study):
+        return
+    task_index = study.steps.index(task)
+    for n, step in enumerate(study.steps):
+        is_once = isinstance(step, AskingStep) and step.may_repeat and not step.repeat
+        if n > task_index and is_once:
+            words = _(
+                "participants do several conditions but answer this questionnaire only once, so "
+                "its answers belong to no condition. Tick “Once for each condition”, unless it is "
+                "about the whole study."
+            )
+            yield from within([Problem(words)], ProblemPlace("steps", n), _("Step"), step.key)
+
+
+def participants_do_several(study: StudyDefinition) -> bool:
+    return any(len(keys) > 1 for keys in factors.conditions_together(study))
+
+
 def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[Problem]:
     sends = {"places", "map", "follow"}.intersection(condition.actions)
     if not condition.controllers and not sends and study.wizard_of(condition.key) is None:
@@ -156,22 +164,15 @@ def _of_condition(study: StudyDefinition, condition: Condition) -> Iterator[Prob
     yield from duplicates(_("Controller"), condition.controllers)
     yield from duplicates(_("Action"), condition.actions)
     yield from duplicates(_("Closed door"), condition.doors_closed)
-    network = condition.network
-    yield from within(
-        _of_network(network.control, LEAST_CONTROL_RATE), None, _("towards the robot")
-    )
-    yield from within(_of_network(network.video, LEAST_VIDEO_RATE), None, _("back from the camera"))
-    course = study.course_of(condition)
+    found = _of_network(condition.network.control, LEAST_CONTROL_RATE)
+    yield from within(found, None, _("towards the robot"))
+    found = _of_network(condition.network.video, LEAST_VIDEO_RATE)
+    yield from within(found, None, _("back from the camera"))
+    course, task, linear = study.course_of(condition), study.task, condition.speed.linear
     if course is None:
         words = _("there is no course for %(robot)s at %(site)s.")
         yield Problem(words, {"robot": condition.robot, "site": condition.site})
-        return
-    task, linear = study.task, condition.speed.linear
-    if (
-        task is not None
-        and linear is not None
-        and length_of(course) / linear >= task.minutes * 60.0
-    ):
+    elif task is not None and linear and length_of(course) / linear >= task.minutes * 60.0:
         words = _("at %(speed)g m/s the course takes longer than the task's %(n)g minutes.")
         yield Problem(words, {"speed": linear, "n": task.minutes})
 
@@ -195,14 +196,7 @@ def length_of(course: Course) -> float:
     back to the station.
     """
     points = [(checkpoint.x, checkpoint.y) for checkpoint in course.checkpoints]
-    return (
-        sum(
-            math.dist(one, other)
-            for one, other in zip(points, points[1:] + points[:1], strict=True)
-        )
-        if points
-        else 0.0
-    )
+    return sum(map(math.dist, points, points[1:] + points[:1]))
 
 
 def _of_course(study: StudyDefinition, course: Course) -> Iterator[Problem]:
@@ -223,13 +217,17 @@ def _of_course(study: StudyDefinition, course: Course) -> Iterator[Problem]:
         yield Problem(_("no condition uses it."))
 
 
-def _of_allocation(study: StudyDefinition) -> Iterator[Problem]:
+def _of_assignment_and_analysis(study: StudyDefinition) -> Iterator[Problem]:
     if not study.conditions:
         words = _("There is no condition; add at least one.")
         yield Problem(words, place=ProblemPlace("conditions"))
         return
     yield from factors.problems(study)
-    yield from _of_analyses(study)
+    keys = (one.key for one in study.analyses)
+    yield from within(duplicates(_("Analysis"), keys), ProblemPlace("analyses"))
+    for n, one in enumerate(study.analyses):
+        found = _of_analysis(one, study)
+        yield from within(found, ProblemPlace("analyses", n), _("Analysis"), one.key)
     if study.coding is not None:
         yield from scheme_problems(study.coding.codes)
     yield from within(_of_rules(study), ProblemPlace("rules"))
@@ -237,30 +235,19 @@ def _of_allocation(study: StudyDefinition) -> Iterator[Problem]:
 
 def _of_rules(study: StudyDefinition) -> Iterator[Problem]:
     if bool(study.refill.outcomes) != bool(study.refill.most):
-        words = _("The participant replacement (refill) needs both outcomes and a number.")
-        yield Problem(words)
+        yield Problem(_("The participant replacement (refill) needs both outcomes and a number."))
     if {"completed", "timed_out"}.intersection(study.refill.outcomes):
-        yield Problem(
-            _(
-                "The participant replacement (refill) cannot include outcomes of the task itself "
-                "(completed, timed out)."
-            )
+        words = _(
+            "The participant replacement (refill) cannot include outcomes of the task itself "
+            "(completed, timed out)."
         )
-    known = {step.questionnaire for step in study.asking}
-    if study.analysis.statements not in known:
+        yield Problem(words)
+    if study.analysis.statements not in {step.questionnaire for step in study.asking}:
         words = _(
             "“Questionnaire in the tables” is %(name)s, which this study does not ask. Choose one "
             "of its questionnaires."
         )
         yield Problem(words, {"name": study.analysis.statements})
-
-
-def _of_analyses(study: StudyDefinition) -> Iterator[Problem]:
-    keys = (one.key for one in study.analyses)
-    yield from within(duplicates(_("Analysis"), keys), ProblemPlace("analyses"))
-    for n, one in enumerate(study.analyses):
-        place = ProblemPlace("analyses", n)
-        yield from within(_of_analysis(one, study), place, _("Analysis"), one.key)
 
 
 def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
@@ -273,6 +260,12 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
         if point and questionnaire not in asked:
             words = _("the study does not ask the questionnaire %(name)s.")
             yield Problem(words, {"name": questionnaire})
+        elif point and _is_asked_once(questionnaire, study):
+            words = _(
+                "%(name)s is asked only once, so it cannot be compared between conditions that "
+                "each participant does: repeat its step."
+            )
+            yield Problem(words, {"name": questionnaire})
     known = {condition.key for condition in study.conditions}
     named = [*one.conditions, *(key for it in one.contrasts for key in (*it.first, *it.second))]
     for key in dict.fromkeys(named):
@@ -282,22 +275,40 @@ def _of_analysis(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Prob
         if not contrast.first or not contrast.second or set(contrast.first) & set(contrast.second):
             words = _("a contrast compares two different sides of at least one condition each.")
             yield Problem(words)
-    yield from _of_mixed_model(one, study)
+    yield from _of_model(one, study)
 
 
-def _of_mixed_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
-    if one.test != "mixed":
-        if one.effects:
-            yield Problem(_("only a mixed model has effects."))
-        return
+def _is_asked_once(questionnaire: str, study: StudyDefinition) -> bool:
+    """Tell whether a participant answers a questionnaire once for all conditions."""
+    is_apart = any(factor.design == "between" for factor in study.factors)
+    steps = [step for step in study.asking if step.questionnaire == questionnaire]
+    is_repeated = any(step.repeat for step in steps)
+    return not is_repeated and not is_apart and participants_do_several(study)
+
+
+def _of_model(one: DeclaredAnalysis, study: StudyDefinition) -> Iterator[Problem]:
+    if one.effects and one.test not in {"mixed", *FAMILIES}:
+        yield Problem(_("tests of means and ranks have contrasts, and no effects."))
     if not one.effects:
-        yield Problem(_("a mixed model needs at least one effect."))
+        if one.test == "mixed":
+            yield Problem(_("a mixed model needs at least one effect."))
+        if one.covariates:
+            yield Problem(_("only a model with effects has covariates."))
+        return
     if one.contrasts or one.post_hoc:
-        yield Problem(_("a mixed model has effects, and neither contrasts nor post-hoc tests."))
-    if study.allocation.design != "within":
-        yield Problem(_("a mixed model needs participants who do several conditions."))
-    factors = {factor.key for factor in study.factors}
-    for effect in one.effects:
-        for name in effect.split(":"):
-            if name not in factors | EFFECTS:
-                yield Problem(_("there is no factor %(key)s."), {"key": name})
+        yield Problem(_("a model has effects, and neither contrasts nor post-hoc tests."))
+    yield from duplicates(_("Covariate"), one.covariates)
+    about_person = {step.questionnaire for step in study.asking if step.is_about_person}
+    for covariate in one.covariates:
+        questionnaire, point, _rest = covariate.partition(".")
+        if covariate != AGE and not (point and questionnaire in about_person):
+            words = _(
+                "the covariate %(name)s is neither age nor an item of a questionnaire about the"
+                " person, such as %(example)s."
+            )
+            asked = min(about_person, default="ict")
+            yield Problem(words, {"name": covariate, "example": f"{asked}.games"})
+    known = EFFECTS.union(factor.key for factor in study.factors)
+    for name in (name for effect in one.effects for name in effect.split(":")):
+        if name not in known:
+            yield Problem(_("there is no factor %(key)s."), {"key": name})

@@ -1,28 +1,18 @@
-"""What a dataset says about itself when it is handed in to a repository: authors, licence, funder,
-preregistration, DOI, keywords and ethics approval.
-
-It is no part of a study's frozen definition, because a DOI and often the licence are known only
-after the data. As JSON-LD, it uses the words of schema.org alone.
+"""Metadata of a dataset in a repository: authors, licence, funder, preregistration, DOI, keywords
+and ethics approval. They are not part of the frozen definition, because a DOI and often the licence
+follow after the data. The JSON-LD has terms of schema.org only.
 """
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 import msgspec
 
-# SPDX identifiers (https://spdx.org/licenses/) of the licences that are common for data.
+# SPDX identifiers (https://spdx.org/licenses/) of common licences for data.
 LICENCES = (
-    "CC0-1.0",
-    "CC-BY-4.0",
-    "CC-BY-SA-4.0",
-    "CC-BY-NC-4.0",
-    "CC-BY-ND-4.0",
-    "CC-BY-NC-SA-4.0",
-    "CC-BY-NC-ND-4.0",
-    "ODC-By-1.0",
-    "ODbL-1.0",
-    "PDDL-1.0",
+    *("CC0-1.0", "CC-BY-4.0", "CC-BY-SA-4.0", "CC-BY-NC-4.0", "CC-BY-ND-4.0"),
+    *("CC-BY-NC-SA-4.0", "CC-BY-NC-ND-4.0", "ODC-By-1.0", "ODbL-1.0", "PDDL-1.0"),
 )
 SPDX, ORCID, DOI = "https://spdx.org/licenses/", "https://orcid.org/", "https://doi.org/"
 PREREGISTRATION, ETHICS = "Preregistration", "Ethics approval"
@@ -33,7 +23,7 @@ _URL = re.compile(r"https?://[^\s/]+\S*")
 
 
 class Author(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """Somebody who made the dataset; `name` is "Family name, Given names"."""
+    """`name` is "Family name, Given names"."""
 
     name: str
     orcid: str = ""
@@ -41,10 +31,8 @@ class Author(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
 
 
 class PublicationDetails(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """All of it; what is empty is not known yet.
-
-    `license` is an SPDX identifier, `preregistration` an address, `doi` a DOI without an address
-    before it, and `ethics` the body that approved the study with its reference.
+    """Empty: not known yet. `license` is an SPDX identifier, `preregistration` an address, `doi` a
+    DOI without an address before it, `ethics` the approving body with its reference.
     """
 
     authors: tuple[Author, ...] = ()
@@ -57,25 +45,19 @@ class PublicationDetails(msgspec.Struct, frozen=True, kw_only=True, omit_default
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The names of the fields that are empty."""
         return tuple(name for name in self.__struct_fields__ if not getattr(self, name))
 
 
-# --- what people write ----------------------------------------------------------------------------
-
-
 def plain_orcid(text: str) -> str:
-    """Return an ORCID iD without the address before it."""
     return text.strip().removeprefix("http://").removeprefix("https://").removeprefix("orcid.org/")
 
 
 def plain_doi(text: str) -> str:
-    """Return a DOI without the address or the word before it."""
     return re.sub(r"^(https?://(dx\.)?doi\.org/|doi:\s*)", "", text.strip(), flags=re.IGNORECASE)
 
 
 def is_orcid(text: str) -> bool:
-    """Tell whether it is an ORCID iD whose last character is right (ISO 7064, MOD 11-2)."""
+    """Tell whether the check character is right (ISO 7064, MOD 11-2)."""
     if not _ORCID.fullmatch(text):
         return False
     characters = text.replace("-", "")
@@ -86,36 +68,34 @@ def is_orcid(text: str) -> bool:
 
 
 def is_doi(text: str) -> bool:
-    """Tell whether it has the form of a DOI."""
     return _DOI.fullmatch(text) is not None
 
 
 def is_address(text: str) -> bool:
-    """Tell whether it is an address of a page."""
     return _URL.fullmatch(text) is not None
 
 
 def from_stored(stored: Any) -> PublicationDetails:
-    """Return what was stored as JSON.
-
-    Raises:
-        msgspec.ValidationError: it was not made of publication details.
-    """
     return msgspec.convert(stored, PublicationDetails)
 
 
-# --- JSON-LD --------------------------------------------------------------------------------------
-
-
 def json_ld(details: PublicationDetails) -> dict[str, Any]:
-    """Return what a schema.org Dataset says of it; what is empty is left out."""
+    """Return the details as members of a schema.org Dataset, without empty ones."""
+    works = [
+        _named("CreativeWork", name) | {key: text}
+        for name, key, text in (
+            (PREREGISTRATION, "url", details.preregistration),
+            (ETHICS, "text", details.ethics),
+        )
+        if text
+    ]
     found = {
         "author": [_person(one) for one in details.authors],
         "license": f"{SPDX}{details.license}" if details.license else "",
         "funder": _named("Organization", details.funder) if details.funder else "",
         "identifier": f"{DOI}{details.doi}" if details.doi else "",
         "keywords": list(details.keywords),
-        "subjectOf": list(_works(details)),
+        "subjectOf": works,
     }
     return {name: value for name, value in found.items() if value}
 
@@ -133,30 +113,23 @@ def _named(kind: str, name: str) -> dict[str, Any]:
     return {"@type": kind, "name": name}
 
 
-def _works(details: PublicationDetails) -> Iterator[dict[str, Any]]:
-    if details.preregistration:
-        yield {**_named("CreativeWork", PREREGISTRATION), "url": details.preregistration}
-    if details.ethics:
-        yield {**_named("CreativeWork", ETHICS), "text": details.ethics}
-
-
 def from_json_ld(found: Mapping[str, Any]) -> PublicationDetails:
-    """Return the details that `json_ld` wrote; a description without any has none."""
+    """Return the details that `json_ld` wrote; empty ones for a description without any."""
     works = {one.get("name"): one for one in found.get("subjectOf", ())}
+    authors = tuple(
+        Author(
+            name=one["name"],
+            orcid=one.get("identifier", "").removeprefix(ORCID),
+            affiliation=one.get("affiliation", {}).get("name", ""),
+        )
+        for one in found.get("author", ())
+    )
     return PublicationDetails(
-        authors=tuple(_author(one) for one in found.get("author", ())),
+        authors=authors,
         license=found.get("license", "").removeprefix(SPDX),
         funder=found.get("funder", {}).get("name", ""),
         preregistration=works.get(PREREGISTRATION, {}).get("url", ""),
         doi=found.get("identifier", "").removeprefix(DOI),
         keywords=tuple(found.get("keywords", ())),
         ethics=works.get(ETHICS, {}).get("text", ""),
-    )
-
-
-def _author(person: Mapping[str, Any]) -> Author:
-    return Author(
-        name=person["name"],
-        orcid=person.get("identifier", "").removeprefix(ORCID),
-        affiliation=person.get("affiliation", {}).get("name", ""),
     )

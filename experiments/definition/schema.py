@@ -1,16 +1,10 @@
-"""A study as it is written: version 1 of the JSON format, one class a kind of thing.
+"""The definition of a study: version 1 of the JSON format, one class for each kind of part.
 
-A study is the *steps* that a participant goes through, the *conditions* that are compared, and the
-*courses* that are driven. What happens in which order for whom follows from it alone
-(experiments/participation/assignment.py, experiments/tasks/engine.py); a published study is frozen
-by the SHA-256 of its definition. Metres, radians, m/s and seconds in the frame of the site's map,
-unless a name says minutes.
-
-Texts are objects of languages, as in questionnaires. The classes refuse unknown fields and wrong
-types; experiments/definition/problems.py tells what types cannot,
-experiments/definition/feasibility.py what only the sites, robots and questionnaires at hand can.
-
-The steps that a participant goes through are a file a kind in experiments/definition/steps/.
+A published definition is frozen by its SHA-256. Stored, exported and hashed definitions contain
+every value, so that changed defaults of a release change no study. Texts are objects by language.
+Units are metres, radians, m/s and s in the frame of the site's map, unless a name says minutes.
+The classes check types, problems.py the rest, feasibility.py what depends on a server.
+docs/reference/studies.md explains every field.
 """
 
 from hashlib import sha256
@@ -21,8 +15,25 @@ from msgspec import Meta
 
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.coding import CodingScheme
-from experiments.definition.design import Design, Factor, Levels
+from experiments.definition.design import (
+    Controller,
+    ControlWay,
+    Delay,
+    Design,
+    Factor,
+    Levels,
+    OwnAction,
+    TitledPart,
+)
 from experiments.definition.plan import StudyPlan
+from experiments.definition.recruitment.recruiting import (
+    AnswerQuota,
+    AnswerRule,
+    Appointments,
+    Browser,
+    DeviceKind,
+    Recruiting,
+)
 from experiments.definition.step import AskingStep, DriveStep, Step, Version
 from experiments.definition.steps import KINDS
 from experiments.definition.steps.consent import Consent
@@ -38,7 +49,7 @@ from surveys.documents import DocumentPart, Key, Language, Slug, Text, fields_of
 if TYPE_CHECKING:
     AnyStep = Step
 else:
-    AnyStep = Union[tuple(KINDS.values())]  # noqa: UP007 - the kinds are found when this is read
+    AnyStep = Union[tuple(KINDS.values())]  # noqa: UP007 - found at run time
 
 Outcome = Literal[
     "completed",
@@ -49,18 +60,11 @@ Outcome = Literal[
     "robot_fault",
     "connection_lost",
 ]
-Controller = Literal["keyboard", "mouse", "touch", "stick", "gamepad"]
-OwnAction = Literal["places", "map", "follow", "dock", "undock", "tilt"]
-ControlWay = Literal["any", "datachannel", "mqtt"]
-Delay = Annotated[float, Meta(ge=0.0, le=10.0)]
-
-
-# --- where it is driven ---------------------------------------------------------------------------
 
 
 class StudyCheckpoint(DocumentPart, frozen=True, kw_only=True):
-    """A point of the course, passed within `radius` and in the same room. Number 0 is the charging
-    station: it is left, and returned to.
+    """A point of the course, passed within `radius` metres in the same room. Number 0 is the
+    charging station.
     """
 
     number: Annotated[int, Meta(ge=0, le=99)]
@@ -71,10 +75,8 @@ class StudyCheckpoint(DocumentPart, frozen=True, kw_only=True):
 
 
 class PhotoTask(DocumentPart, frozen=True, kw_only=True):
-    """The photo of one's own reflection, asked for within `radius` of a checkpoint that was passed.
-
-    `view` is how far the mirror may lie off the camera's axis for the visitor to see the robot in
-    it.
+    """A photo of the robot's reflection, due within `radius` metres of a passed checkpoint. The
+    robot is in the picture while the mirror is within `view` radians of the camera's axis.
     """
 
     checkpoint: Annotated[int, Meta(ge=1, le=99)]
@@ -84,9 +86,7 @@ class PhotoTask(DocumentPart, frozen=True, kw_only=True):
 
 
 class Zone(DocumentPart, frozen=True, kw_only=True):
-    """A part of the floor for which times and collisions are told apart; `polygon` in order, not
-    closed.
-    """
+    """A part of the floor with its own times and collisions; `polygon` in order, not closed."""
 
     name: Key
     title: Text
@@ -94,13 +94,13 @@ class Zone(DocumentPart, frozen=True, kw_only=True):
 
 
 class Course(DocumentPart, frozen=True, kw_only=True):
-    """What one series of robots drives at one site. `doors` have to be crossed, each only where the
+    """The course of one series of robots at one site. `doors` must be crossed, each only where the
     condition leaves it open.
     """
 
     robot: PlanKey
     site: PlanKey
-    dock: PlanKey = ""
+    dock: Annotated[str, Meta(pattern=r"^([a-z0-9][a-z0-9_-]{0,63})?$")] = ""
     checkpoints: Annotated[tuple[StudyCheckpoint, ...], Meta(max_length=100)]
     path: Annotated[tuple[Point, ...], Meta(max_length=500)] = ()
     doors: tuple[PlanKey, ...] = ()
@@ -108,13 +108,8 @@ class Course(DocumentPart, frozen=True, kw_only=True):
     photo: PhotoTask | None = None
 
 
-# --- what is compared -----------------------------------------------------------------------------
-
-
 class Impairment(DocumentPart, frozen=True, kw_only=True):
-    """What is put on one direction of the network: seconds, shares, and bit/s. The seed comes from
-    the session.
-    """
+    """Impairments of one direction of the network: seconds, shares, and bit/s."""
 
     delay: Delay = 0.0
     jitter: Delay = 0.0
@@ -124,7 +119,7 @@ class Impairment(DocumentPart, frozen=True, kw_only=True):
 
 
 class Network(DocumentPart, frozen=True, kw_only=True):
-    """The network of a condition, towards the robot and back from its camera."""
+    """Impairments towards the robot (`control`) and from its camera."""
 
     control: Impairment | None = None
     video: Impairment | None = None
@@ -137,17 +132,12 @@ class SpeedChoice(DocumentPart, frozen=True, kw_only=True):
     angular: Positive | None = None
 
 
-class Condition(DocumentPart, frozen=True, kw_only=True):
-    """One way to do the task. What it says, the visitor cannot change.
-
-    `levels` is its cell: its level of each factor. `robot` is a series. `access` says who may be
-    assigned to it: everybody who has the link, or those who were invited. `idle_seconds` is how
-    long a driver may do nothing before being asked
-    whether anybody is there; absent or 0 for ever, for a drive of a study has its own time limit.
+class Condition(TitledPart, frozen=True, kw_only=True):
+    """What a participant drives with, and cannot change. `levels` are its cell: its level of each
+    factor. `robot` is a series. After `idle_seconds` without input the page asks whether the
+    driver is there; None or 0: never.
     """
 
-    key: Key
-    title: Text
     levels: Levels = {}
     robot: PlanKey
     site: PlanKey
@@ -163,29 +153,41 @@ class Condition(DocumentPart, frozen=True, kw_only=True):
     idle_seconds: Annotated[float, Meta(ge=0.0, le=3600.0)] | None = None
 
 
-# --- the rules ------------------------------------------------------------------------------------
+class BalanceFactor(DocumentPart, frozen=True, kw_only=True):
+    """A property of participants that assignment distributes evenly over the cells: `age`, or a
+    `questionnaire.item` that is answered before. Numbers are grouped: below the first of `limits`,
+    then from each of them on. Participants without an answer are a group of their own.
+    """
+
+    item: Annotated[str, Meta(pattern=r"^(age|[a-z][a-z0-9-]{0,39}\.[a-z][a-z0-9_]{0,39})$")]
+    limits: Annotated[tuple[float, ...], Meta(max_length=10)] = ()
 
 
 class Allocation(DocumentPart, frozen=True, kw_only=True):
-    """Who gets which condition.
+    """How conditions are assigned.
 
-    Between participants each does one condition; within them each does all that are open to them,
-    in an order: `fixed` as written, `all` orders, or `balanced` ones. With factors of both kinds a
-    participant does the conditions of one cell of the between factors. `quota` is how many
-    participants fill a cell (a condition, or an order); None is no end. Who is to do several
-    conditions and was not seen for `left_after_hours` before the last of them has left: another
-    participant gets the order.
+    Within participants, each does all conditions with their access (in a mixed design, all of one
+    cell of the between factors) in an order; a cell is then an order, else a condition. `quota` is
+    the number of participants per cell; None: no limit. A participant with conditions left who is
+    not seen for `left_after_hours` dropped out: another participant gets the order.
+
+    A participant gets the cell with the fewest participants with `best_probability`, else any other
+    one. With `balance`, only alike participants are counted: alike in all factors (`strata`), or in
+    each factor, added up (`minimization`).
     """
 
     design: Design = "between"
     order: Literal["fixed", "all", "balanced"] = "balanced"
     quota: Annotated[int, Meta(ge=1, le=100_000)] | None = None
     left_after_hours: Annotated[float, Meta(ge=1.0, le=8760.0)] = 24.0
+    best_probability: Annotated[float, Meta(gt=0.0, le=1.0)] = 0.75
+    balancing: Literal["strata", "minimization"] = "minimization"
+    balance: Annotated[tuple[BalanceFactor, ...], Meta(max_length=6)] = ()
 
 
 class Refill(DocumentPart, frozen=True, kw_only=True):
-    """Exposed participants with one of these outcomes leave their place to another, at most `most`
-    times a cell; they stay in its flow.
+    """Exposed participants with one of these outcomes are replaced, at most `most` times per cell;
+    the flow chart keeps them.
     """
 
     outcomes: tuple[Outcome, ...] = ()
@@ -193,7 +195,7 @@ class Refill(DocumentPart, frozen=True, kw_only=True):
 
 
 class Quality(DocumentPart, frozen=True, kw_only=True):
-    """What a session's record must be like to be called good; rates in Hz, times in s."""
+    """The requirements of a good record of a session; rates in Hz, times in s."""
 
     least_sample_rate: Annotated[float, Meta(ge=0.0, le=50.0)] = 3.5
     longest_gap: Positive = 2.0
@@ -203,11 +205,10 @@ class Quality(DocumentPart, frozen=True, kw_only=True):
 
 
 class Start(DocumentPart, frozen=True, kw_only=True):
-    """What must hold before a participant gets the robot; else they wait, and researchers are told.
-
-    `docked`: it is docked, at most `distance` metres and `heading` radians off the pose of the
-    course's station, and knows where it is. `charge` is the least share of the battery's charge; a
-    robot that does not know its charge is taken as it is.
+    """The requirements on the robot before a participant gets it; else the participant waits and
+    the researchers are notified. `docked`: in the course's station, localized, and at most
+    `distance` metres and `heading` radians off its pose. `charge` is the minimum share of the
+    battery; a robot that does not report its charge passes.
     """
 
     docked: bool = True
@@ -217,20 +218,21 @@ class Start(DocumentPart, frozen=True, kw_only=True):
 
 
 class Analysis(DocumentPart, frozen=True, kw_only=True):
-    """Which of several responses of one visitor counts in tables, and of which kind the intervals
-    of confidence are.
+    """What counts in results. `drives`: which drives of one participant in one condition; `all` are
+    averaged. `counts`: which response of one participant, among those about drives that count.
+    `statements` is the questionnaire of the tables of statements.
     """
 
+    drives: Literal["first", "last", "all"] = "all"
     counts: Literal["first", "last", "all"] = "first"
     interval: Literal["normal", "t"] = "t"
     statements: Slug = "experience"
 
 
 class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
-    """A whole study. `recruitment` says how participants are found, `compensation` what they get;
-    researchers write and read both. With `turned_away_code`, people who are turned away get a code
-    of their own for the recruitment site. A participant's drive is private unless
-    `observers_allowed`: then whoever may watch the robot may watch it, too.
+    """A whole study. Participants read neither `recruitment` nor `compensation`. With
+    `turned_away_code`, people who are turned away get a separate completion code. A drive is
+    private unless `observers_allowed`. `devices` and `browsers`: empty for any.
     """
 
     format: Literal[1]
@@ -258,116 +260,106 @@ class StudyDefinition(DocumentPart, frozen=True, kw_only=True):
     wizard: Wizard | None = None
     plan: StudyPlan | None = None
     coding: CodingScheme | None = None
+    recruiting: Recruiting | None = None
+    devices: tuple[DeviceKind, ...] = ()
+    browsers: tuple[Browser, ...] = ()
+    screening: Annotated[tuple[AnswerRule, ...], Meta(max_length=40)] = ()
+    answer_quotas: Annotated[tuple[AnswerQuota, ...], Meta(max_length=40)] = ()
+    appointments: Appointments | None = None
 
     def condition(self, key: str) -> Condition | None:
-        """Return the condition with a key."""
-        return next((condition for condition in self.conditions if condition.key == key), None)
+        return next((one for one in self.conditions if one.key == key), None)
 
     def course_of(self, condition: Condition) -> Course | None:
-        """Return what is driven under a condition."""
-        return next(
-            (
-                course
-                for course in self.courses
-                if (course.robot, course.site) == (condition.robot, condition.site)
-            ),
-            None,
-        )
+        place = (condition.robot, condition.site)
+        return next((one for one in self.courses if (one.robot, one.site) == place), None)
 
     @property
     def task(self) -> TaskStep | None:
-        """The step in which the course is driven."""
         return next((step for step in self.steps if isinstance(step, TaskStep)), None)
 
     @property
     def consent(self) -> Consent | None:
-        """The step in which participants agree to take part."""
         return next((step for step in self.steps if isinstance(step, Consent)), None)
 
     @property
     def tells_condition(self) -> bool:
-        """Whether participants read something that only their condition says."""
+        """Whether participants read something that depends on their condition."""
         return any(step.named_conditions for step in self.steps)
 
     @property
+    def reveals_condition(self) -> bool:
+        """Whether participants learn something of their condition before any video: from
+        instructions, or from the drive page when they get the robot.
+        """
+        places = {(one.access, one.robot, one.site) for one in self.conditions}
+        looks = {
+            (one.access, one.robot, one.site, one.interface, one.controllers, one.actions)
+            for one in self.conditions
+        }
+        return self.tells_condition or len(looks) > len(places)
+
+    @property
     def tells_of_operator(self) -> bool:
-        """Whether its debriefing tells of the hidden operator, in every language."""
         return all(self.operator_text.get(name, "").strip() for name in self.languages)
 
     @property
     def operator_text(self) -> Text:
-        """What its debriefing tells of the hidden operator; empty in a study without one."""
-        told = [step.operator for step in self.steps if isinstance(step, Debrief)]
-        return told[-1] if told and self.wizard is not None else {}
+        """The debriefing's text about the hidden operator; empty without an operator."""
+        texts = [step.operator for step in self.steps if isinstance(step, Debrief)]
+        return texts[-1] if texts and self.wizard is not None else {}
 
     def wizard_of(self, condition: str) -> Wizard | None:
-        """Return the hidden operator's part in a condition; None where the participant drives."""
+        """Return the hidden operator in a condition; None where the participant drives."""
         wizard = self.wizard
         return wizard if wizard is not None and wizard.drives_in(condition) else None
 
     @property
     def drives(self) -> tuple[DriveStep, ...]:
-        """The steps in which a robot is driven."""
         return tuple(step for step in self.steps if isinstance(step, DriveStep))
 
     @property
     def practice_keys(self) -> frozenset[str]:
-        """The keys of the steps whose drives are for practice."""
         return frozenset(step.key for step in self.drives if step.is_practice)
 
     @property
     def asking(self) -> tuple[AskingStep, ...]:
-        """The steps in which a questionnaire is asked."""
         return tuple(step for step in self.steps if isinstance(step, AskingStep))
 
     def step(self, key: str) -> AnyStep | None:
-        """Return the step with a key."""
         return next((step for step in self.steps if step.key == key), None)
 
     def drive(self, key: str) -> DriveStep | None:
-        """Return the step with a key when a robot is driven in it."""
         return next((step for step in self.drives if step.key == key), None)
 
 
 prepare(StudyDefinition)
 
 
+def as_stored(value: Any) -> Any:
+    """Return a part of a study as JSON has it, including the values of defaults."""
+    if isinstance(value, tuple):
+        return [as_stored(one) for one in value]
+    if not isinstance(value, msgspec.Struct):
+        return value
+    config = value.__struct_config__
+    tag = {config.tag_field: config.tag} if config.tag_field else {}
+    return tag | {
+        field.encode_name: as_stored(getattr(value, field.name)) for field in fields_of(type(value))
+    }
+
+
 def to_json(study: StudyDefinition) -> bytes:
-    """Return a study as the JSON that import takes: indented, fields in the order
-    of the classes.
+    """Return a study as the JSON of export and import: with every value, indented, in the order of
+    the classes.
     """
-    return msgspec.json.format(msgspec.json.encode(study), indent=2) + b"\n"
+    return msgspec.json.format(msgspec.json.encode(as_stored(study)), indent=2) + b"\n"
 
 
 def digest(study: StudyDefinition) -> str:
-    """Return the SHA-256 of a study: equal exactly when two say the same, defaults written out or
-    not. It freezes a published version.
-    """
-    return sha256(msgspec.json.encode(_said(study), order="deterministic")).hexdigest()
-
-
-def _said(value: Any) -> Any:
-    """Return what is said, without what is so by default: a field that a later format adds leaves
-    the digests of older studies alone.
-    """
-    if isinstance(value, tuple):
-        return [_said(one) for one in value]
-    if not isinstance(value, msgspec.Struct):
-        return value
-    kind, name = value.__struct_config__.tag, value.__struct_config__.tag_field
-    told = {
-        field.encode_name: (getattr(value, field.name), _default(field))
-        for field in fields_of(type(value))
-    }
-    return ({name: kind} if name else {}) | {
-        word: _said(own) for word, (own, default) in told.items() if own != default
-    }
-
-
-def _default(field: msgspec.structs.FieldInfo) -> Any:
-    return field.default if field.default_factory is msgspec.NODEFAULT else field.default_factory()
+    """Return the SHA-256 of a study's JSON with every value, sorted keys and no white space."""
+    return sha256(msgspec.json.encode(as_stored(study), order="deterministic")).hexdigest()
 
 
 def from_stored(document: Any) -> StudyDefinition:
-    """Return the study that a database row holds; it was checked when it was stored."""
     return msgspec.convert(document, StudyDefinition)

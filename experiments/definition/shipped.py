@@ -1,6 +1,4 @@
-"""The studies that come with the site: the paper's, and the same task driven alone and with
-assistance by every participant.
-"""
+"""The studies that come with the site: the paper's, and its task alone and with assistance."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -14,6 +12,5 @@ SHIPPED = Path(__file__).resolve().parents[1] / "definitions"
 
 @cache
 def shipped() -> Mapping[str, StudyDefinition]:
-    """Return the studies that come with the site, by name."""
     studies = [parse(path.read_bytes()) for path in sorted(SHIPPED.glob("*.json"))]
     return {study.slug: study for study in studies}

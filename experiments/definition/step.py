@@ -1,8 +1,5 @@
-"""What every kind of study step is made of. A kind is one file in experiments/definition/steps/,
-with one subclass of `Step`, and one of the same name in experiments/participation/steps/, with its
-page; both are found by name.
-
-What a step is for is told by what it is asked here, never by its class.
+"""The base classes of study steps. A kind is one file in experiments/definition/steps/ and one of
+the same name, with its page, in experiments/participation/steps/; both are found by name.
 """
 
 from collections.abc import Iterator, Sequence
@@ -10,64 +7,56 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from surveys.documents import DocumentPart, Key, Problem, Slug, Text
+from experiments.definition.design import TitledPart
+from surveys.documents import Problem, Slug, Text
 from surveys.documents import gettext_noop as _
 
 Version = Annotated[int, Meta(ge=1, le=9999)]
 Minutes = Annotated[float, Meta(gt=0.0, le=600.0)]
 
 
-class Step(DocumentPart, frozen=True, kw_only=True, tag_field="kind"):
-    """What every step says. With `repeat` it is gone through once for each condition of a
-    participant, else once.
-    """
+class Step(TitledPart, frozen=True, kw_only=True, tag_field="kind"):
+    """A step. With `repeat` it is done once for each condition of a participant, else once."""
 
     may_repeat: ClassVar[bool] = True
     # Done on one visit, it is skipped on later ones (StepPage.is_done_for_good).
     is_for_good: ClassVar[bool] = False
-    # Whoever arrives at it has taken part to the end.
+    # A participant who reaches it is done.
     is_end: ClassVar[bool] = False
 
-    key: Key
-    title: Text
     repeat: bool = False
 
     @property
     def kind(self) -> str:
-        """The name of its kind in a definition."""
         return str(self.__struct_config__.tag)
 
     @property
     def end_text(self) -> Text:
-        """What is said at the end; nothing by a step that is none."""
+        """The text on the last page; empty for other steps."""
         return {}
 
     @property
     def named_conditions(self) -> frozenset[str]:
-        """The conditions for which it has something of their own; none for most."""
+        """The conditions that have pages of their own in it."""
         return frozenset()
 
     def own_pages(self, _condition: str) -> tuple[int, ...]:
-        """Return the numbers, from 1, of its pages that only some conditions have, this among
-        them.
-        """
+        """Return the numbers, from 1, of the pages that only some conditions have, this one too."""
         return ()
 
     def problems(self) -> Iterator[Problem]:
-        """Yield what is wrong with it, beside what types and texts tell."""
+        """Yield problems beside those of types and texts."""
         if self.repeat and not self.may_repeat:
             yield Problem(_("a step of this kind cannot be repeated."))
 
     @classmethod
     def problems_among(cls, _steps: Sequence["Step"]) -> Iterator[Problem]:
-        """Yield what is wrong with how many of its kind there are, and where they stand."""
+        """Yield problems of the number and order of the steps of this kind."""
         yield from ()
 
 
 class AskingStep(Step, frozen=True, kw_only=True):
-    """A step that asks a questionnaire."""
-
-    # Who has answered it on an earlier visit skips it; else it is asked once a visit and round.
+    # Asked once; other questionnaires are asked once in each visit and round.
     is_about_person: ClassVar[bool] = False
 
     questionnaire: Slug
@@ -75,9 +64,9 @@ class AskingStep(Step, frozen=True, kw_only=True):
 
 
 class DriveStep(Step, frozen=True, kw_only=True):
-    """A step in which the condition's robot is driven for so many minutes at most."""
+    """A step in which the participant drives the condition's robot, for `minutes` at most."""
 
-    # A free drive: nothing is measured in it, and it ends without an outcome of its own.
+    # A free drive: without measurements and outcome.
     is_practice: ClassVar[bool] = False
 
     minutes: Minutes

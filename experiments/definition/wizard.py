@@ -1,7 +1,6 @@
-"""The hidden operator of a study ("Wizard of Oz", Kelley 1984; Riek 2012): the script by which
-somebody drives and speaks for the robot, while the participant believes that it acts by itself.
-
-Each step of the script either says a line or makes one move. Metres, radians, m/s, rad/s, seconds.
+"""The hidden operator of a study ("Wizard of Oz", Kelley 1984; Riek 2012), who drives and speaks
+for the robot by a script while the participant believes that it acts by itself. Metres, radians,
+m/s, rad/s, seconds.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,24 +8,21 @@ from typing import Annotated, Literal
 
 from msgspec import Meta
 
+from experiments.definition.design import TitledPart
 from robots.api.floorplan import Key as PlanKey
 from robots.api.messages import Capability
 from surveys.documents import DocumentPart, Key, Problem, ProblemPlace, Text, duplicates, within
 from surveys.documents import gettext_noop as _
 
 MOST_DRIVE_SECONDS = 10.0
-# These drive by hand on the operator's page.
-DRIVING_KEYS = frozenset("wasd")
-# A line is sent to the robot's screen with at most as many characters (robots.api.messages.Say).
-LONGEST_LINE = 500
+DRIVING_KEYS = frozenset("wasd")  # by hand, on the operator's page
+LONGEST_LINE = 500  # characters of robots.api.messages.Say
 
 Shortcut = Annotated[str, Meta(pattern=r"^[0-9a-z]?$")]
 
 
 class PlaceMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="place"):
-    """The robot goes to a named place of the site by itself."""
-
-    name: PlanKey
+    name: PlanKey  # of a place of the site
 
 
 class DockMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="dock"):
@@ -38,22 +34,15 @@ class UndockMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag=
 
 
 class TiltMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="tilt"):
-    """The robot tilts its head; positive looks down."""
-
-    angle: Annotated[float, Meta(ge=-1.6, le=1.6)]
+    angle: Annotated[float, Meta(ge=-1.6, le=1.6)]  # positive: the head looks down
 
 
 class TurnMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="turn"):
-    """The robot turns on the spot; positive is counter-clockwise. Without an angle it turns
-    around.
-    """
-
-    angle: Annotated[float, Meta(ge=-3.15, le=3.15)] = 3.14
+    angle: Annotated[float, Meta(ge=-3.15, le=3.15)] = 3.14  # positive: counter-clockwise
 
 
 class DriveMove(DocumentPart, frozen=True, kw_only=True, tag_field="kind", tag="drive"):
-    """The robot drives at a velocity for some seconds, within the limits of robot and condition."""
-
+    # within the limits of robot and condition
     linear: Annotated[float, Meta(ge=-2.0, le=2.0)] = 0.0
     angular: Annotated[float, Meta(ge=-3.0, le=3.0)] = 0.0
     seconds: Annotated[float, Meta(gt=0.0, le=MOST_DRIVE_SECONDS)]
@@ -70,16 +59,12 @@ NEEDS: Mapping[type, Capability] = {
 }
 
 
-class WizardStep(DocumentPart, frozen=True, kw_only=True):
-    """One button of the operator's page: a `line` that the robot says, aloud or only on its screen,
-    or a `move`.
-
-    `shortcut` is its key. Pressed more than `within` seconds after the step before it, or after the
-    beginning of the session, it is recorded as late.
+class WizardStep(TitledPart, frozen=True, kw_only=True):
+    """A button of the operator's page: the robot says a `line` (`aloud`, or only on its screen) or
+    makes a `move`. `shortcut` is its key. It is recorded as late more than `within` seconds after
+    the step before it, or after the start of the session.
     """
 
-    key: Key
-    title: Text
     shortcut: Shortcut = ""
     line: Text = {}
     aloud: bool = True
@@ -87,21 +72,15 @@ class WizardStep(DocumentPart, frozen=True, kw_only=True):
     within: Annotated[float, Meta(gt=0.0, le=3600.0)] | None = None
 
 
-class WizardStage(DocumentPart, frozen=True, kw_only=True):
-    """A part of the script, shown under its title."""
-
-    key: Key
-    title: Text
+class WizardStage(TitledPart, frozen=True, kw_only=True):
     steps: Annotated[tuple[WizardStep, ...], Meta(max_length=60)] = ()
 
 
 class Wizard(DocumentPart, frozen=True, kw_only=True):
-    """Who drives is not the participant but a hidden operator.
-
-    `conditions` are those in which it is so; empty: all. With `blind` the operator is never told
-    the condition. `participant_view` shows the operator the cue on the participant's page. With
-    `by_hand` the operator may also drive with the keys. `order` is whether the steps are meant to
-    be done as they are written (`stages`) or as the operator sees fit (`free`).
+    """The hidden operator drives in `conditions` (empty: in all). A `blind` operator is not shown
+    the condition, `participant_view` shows the cue on the participant's page, and `by_hand` lets
+    the operator drive with the keys. `order`: steps in another order than that of the `stages` are
+    deviations, or any order is right (`free`).
     """
 
     conditions: tuple[Key, ...] = ()
@@ -112,32 +91,29 @@ class Wizard(DocumentPart, frozen=True, kw_only=True):
     stages: Annotated[tuple[WizardStage, ...], Meta(max_length=20)] = ()
 
     def drives_in(self, condition: str) -> bool:
-        """Tell whether the operator drives in a condition."""
         return not self.conditions or condition in self.conditions
 
     @property
     def steps(self) -> tuple[WizardStep, ...]:
-        """All steps, in their order."""
         return tuple(step for stage in self.stages for step in stage.steps)
 
 
 def problems(
-    wizard: Wizard, conditions: Sequence[str], languages: Sequence[str], *, told: bool
+    wizard: Wizard, conditions: Sequence[str], languages: Sequence[str], *, is_debriefed: bool
 ) -> Iterator[Problem]:
-    """Yield what is wrong with a script; `told` is whether the debriefing tells of the operator."""
-    if not told:
+    """Yield the problems of a script; `is_debriefed`: the debriefing tells of the operator."""
+    if not is_debriefed:
         words = _(
             "The debriefing must tell participants that an operator drove the robot: add a debrief "
             "step with an `operator` text."
         )
         yield Problem(words, place=ProblemPlace("steps"))
-    place = ProblemPlace("wizard")
-    yield from within(_of_whole(wizard, conditions), place, _("Hidden operator"))
+    found = _of_whole(wizard, conditions)
+    yield from within(found, ProblemPlace("wizard"), _("Hidden operator"))
     for n, stage in enumerate(wizard.stages):
-        place = ProblemPlace("stages", n)
         for step in stage.steps:
             found = _of_step(step, languages)
-            yield from within(found, place, _("Script step"), step.key)
+            yield from within(found, ProblemPlace("stages", n), _("Script step"), step.key)
 
 
 def _of_whole(wizard: Wizard, conditions: Sequence[str]) -> Iterator[Problem]:
@@ -145,8 +121,7 @@ def _of_whole(wizard: Wizard, conditions: Sequence[str]) -> Iterator[Problem]:
         if key not in conditions:
             yield Problem(_("there is no condition %(key)s."), {"key": key})
     if not wizard.steps and not wizard.by_hand:
-        words = _("the script has no step and driving by hand is off: add a step.")
-        yield Problem(words)
+        yield Problem(_("the script has no step and driving by hand is off: add a step."))
     yield from duplicates(_("Stage"), (stage.key for stage in wizard.stages))
     yield from duplicates(_("Step"), (step.key for step in wizard.steps))
     keys = (step.shortcut for step in wizard.steps if step.shortcut)
@@ -168,7 +143,6 @@ def _of_step(step: WizardStep, languages: Sequence[str]) -> Iterator[Problem]:
 def obstacles(
     wizard: Wizard, places: frozenset[str], capabilities: frozenset[str]
 ) -> Iterator[Problem]:
-    """Yield what a robot and its site cannot do of a script."""
     for step in wizard.steps:
         if isinstance(step.move, PlaceMove) and step.move.name not in places:
             words = _("the script's step %(key)s goes to %(place)s, which is not a place there.")

@@ -6,16 +6,14 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote, urlencode
 
-from experiments.deposit.client import DepositError, Progress
-from experiments.deposit.repository import DepositDraft, Record, Repository, StoredFile
+from experiments.deposit import repository as base
+from experiments.deposit.repository import DepositDraft, DepositError, Record, StoredFile, Tell
 
 JSON_API = "application/vnd.api+json"
 STORAGE = "osfstorage"
 
 
-class Osf(Repository):
-    """Projects, and files in their storage."""
-
+class Osf(base.Repository):
     title = "OSF"
     home = "https://api.osf.io/v2"
     sandbox = "https://api.test.osf.io/v2"
@@ -24,46 +22,33 @@ class Osf(Repository):
     domain = "osf.io"
 
     def create(self, record: Record) -> DepositDraft:
-        """Make a private project."""
         attributes = _attributes(record) | {"category": "project", "public": False}
         body = {"data": {"type": "nodes", "attributes": attributes}}
-        found = self.client.ask("POST", f"{self.client.address}/nodes/", body, JSON_API)["data"]
+        found = self.ask("POST", f"{self.address}/nodes/", body, JSON_API)["data"]
         return DepositDraft(found["id"], found["links"]["html"])
 
     def update(self, draft: DepositDraft, record: Record) -> None:
-        """Describe a project that is private."""
-        address = f"{self.client.address}/nodes/{quote(draft.id)}/"
-        if self.client.ask("GET", address)["data"]["attributes"]["public"]:
-            raise DepositError(
-                f"The project {draft.url} is public. Use --new to begin another one."
-            )
+        address = f"{self.address}/nodes/{quote(draft.id)}/"
+        if self.ask("GET", address)["data"]["attributes"]["public"]:
+            text = f"The project {draft.url} is public. Use --new to begin another one."
+            raise DepositError(text)
         data = {"type": "nodes", "id": draft.id, "attributes": _attributes(record)}
-        self.client.ask("PATCH", address, {"data": data}, JSON_API)
+        self.ask("PATCH", address, {"data": data}, JSON_API)
 
     def files(self, draft: DepositDraft) -> dict[str, StoredFile]:
-        """Return the files at the top of its storage."""
-        found = self.client.ask("GET", f"{self._storage(draft)}?meta=")
-        return {
-            stored.name: stored
-            for one in found["data"]
-            if one["attributes"]["kind"] == "file"
-            for stored in (_stored(one),)
-        }
+        found = self.ask("GET", f"{self._storage(draft)}?meta=")["data"]
+        stored = [_stored(one) for one in found if one["attributes"]["kind"] == "file"]
+        return {one.name: one for one in stored}
 
-    def upload(self, draft: DepositDraft, name: str, path: Path, progress: Progress) -> StoredFile:
-        """Add a file, or a version of the one that has this name."""
+    def upload(self, draft: DepositDraft, name: str, path: Path, tell: Tell) -> StoredFile:
         known = self.files(draft).get(name)
-        address = (
-            f"{known.address}?kind=file"
-            if known
-            else f"{self._storage(draft)}?{urlencode({'kind': 'file', 'name': name})}"
-        )
-        return _stored(self.client.upload(address, path, progress)["data"])
+        query = urlencode({"kind": "file"} if known else {"kind": "file", "name": name})
+        address = known.address if known else self._storage(draft)
+        return _stored(self.put(f"{address}?{query}", path, tell)["data"])
 
     def _storage(self, draft: DepositDraft) -> str:
-        """Return where files go: which server that is, the project says."""
-        address = f"{self.client.address}/nodes/{quote(draft.id)}/files/"
-        for one in self.client.ask("GET", address)["data"]:
+        address = f"{self.address}/nodes/{quote(draft.id)}/files/"
+        for one in self.ask("GET", address)["data"]:
             if one["attributes"]["provider"] == STORAGE:
                 return str(one["links"]["upload"]).partition("?")[0]
         raise DepositError(f"The project {draft.url} has no OSF storage.")
@@ -76,24 +61,18 @@ def _stored(found: dict[str, Any]) -> StoredFile:
 
 
 def _attributes(record: Record) -> dict[str, Any]:
-    """Return what a project says. The OSF knows authors and licences by numbers of its own, so that
-    ours stand in the description.
+    """Return the attributes of a project. The OSF refers to authors and licences by its own ids, so
+    these are part of the description.
     """
     details = record.details
-    lines = [
-        record.description,
-        "; ".join(one.name for one in details.authors),
-        *(
-            f"{label}: {text}"
-            for label, text in (
-                ("Licence", details.license),
-                ("Funder", details.funder),
-                ("Preregistration", details.preregistration),
-                ("DOI", details.doi),
-                ("Ethics approval", details.ethics),
-            )
-            if text
-        ),
-    ]
+    labelled = {
+        "Licence": details.license,
+        "Funder": details.funder,
+        "Preregistration": details.preregistration,
+        "DOI": details.doi,
+        "Ethics approval": details.ethics,
+    }
+    lines = [record.description, "; ".join(one.name for one in details.authors)]
+    lines += [f"{label}: {text}" for label, text in labelled.items() if text]
     description = "\n".join(filter(None, lines))
     return {"title": record.title, "description": description, "tags": list(details.keywords)}

@@ -1,51 +1,70 @@
-"""What every format of an export is made of. A format is one file in experiments/export/formats/
-with one subclass of `ExportFormat`, found by name.
-"""
+"""The base class of export formats, one in each module of experiments/export/formats/."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
-from typing import ClassVar
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, ClassVar
 
 from django.utils.functional import Promise
 
 from experiments.access import Role
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.records import Dataset, SessionRecord
-from experiments.dataset.forms import Release
-from experiments.dataset.selection import Selection
+from experiments.analysis.metrics.sessions import Measured
+from experiments.dataset.columns import Column
+from experiments.dataset.files import as_csv, table_path
+from experiments.dataset.records import Dataset, SessionRecord
+from experiments.extraction.forms import Release
+from experiments.extraction.selection import Selection
 from experiments.models import Drive
 
-File = tuple[str, Iterable[bytes]]  # where in the export, and its content in parts
+# A path in the export, and the content in parts.
+File = tuple[str, Iterable[str | bytes]]
+
+
+def text_of(name: str) -> str:
+    return Path(__file__).with_name("texts").joinpath(name).read_text(encoding="utf-8")
 
 
 @dataclass(frozen=True)
 class ExportSource:
-    """What is exported: `drives` are those of the dataset's sessions, in their order; `more` are
-    the columns of all tables beside those of a dataset, for the code book.
+    """The data of an export: `drives` are those of the dataset's sessions, in their order; `more`
+    are the columns of all tables beside those of a dataset, for the code book. `measured` has the
+    numbers of the sessions so far, without segments and positions.
     """
 
     dataset: Dataset
     drives: Sequence[Drive]
     release: Release
     more: Mapping[str, tuple[Column, ...]]
+    measured: dict[str, Measured] = field(default_factory=dict)
+
+    def table(self, name: str, rows: Iterable[Sequence[Any]]) -> File:
+        """Return rows of values, in the order of the table's columns, as a file."""
+        return table_path(name), as_csv(self.more[name], rows)
 
 
 class ExportFormat:
     """Files of one kind: some for the whole study, some for each session, and the last ones."""
 
-    # What the page and the command say of it, and who may ask for it; without a label nobody is
-    # asked, and `is_in` alone decides.
+    # The text of the page and of the command about it, and who may request it; every export has a
+    # format without a label.
     label: ClassVar[str | Promise] = ""
     help: ClassVar[str] = ""
     least: ClassVar[Role] = "viewer"
     # The columns of its tables beside those of a dataset, for the code book; of a table of the
-    # dataset, those that tell more of it.
+    # dataset, those that have more levels. `tables_of` adds those that depend on the study.
     tables: ClassVar[Mapping[str, tuple[Column, ...]]] = {}
 
     @classmethod
     def is_in(cls, name: str, choice: Selection) -> bool:
-        """Tell whether an export has it: when it was asked for by its name."""
-        return name in choice.formats
+        """Tell whether an export has it: always, or when it was requested by its name."""
+        return not cls.label or name in choice.formats
+
+    @classmethod
+    def tables_of(
+        cls, _dataset: Dataset, _drives: Sequence[Drive]
+    ) -> Mapping[str, tuple[Column, ...]]:
+        """Return its tables' columns; Psych-DS refuses columns that are in no file."""
+        return cls.tables
 
     def __init__(self, source: ExportSource) -> None:
         self.source = source
@@ -61,9 +80,3 @@ class ExportFormat:
     def at_last(self) -> Iterator[File]:
         """Yield the files that are known only after all sessions."""
         yield from ()
-
-
-def encoded(files: Iterable[tuple[str, Iterable[str]]]) -> Iterator[File]:
-    """Yield files of text as they are written."""
-    for name, parts in files:
-        yield name, (part.encode() for part in parts)

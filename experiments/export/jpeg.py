@@ -1,8 +1,7 @@
-"""A JPEG without what cameras and programs write beside the picture: times, places, serial numbers,
-previews (ITU-T T.81, annex B).
+"""A JPEG without its metadata: times, places, serial numbers, previews (ITU-T T.81, annex B).
 
-Only segments without which no picture can be decoded stay. A comment names the photo, so that its
-bytes, and so its checksum, are not those that the robot and the database know it by.
+Only the segments that decoding needs are kept. A comment names the photo, so that its checksum is
+not the one that robot and database have.
 """
 
 from collections.abc import Iterator
@@ -13,7 +12,7 @@ COMMENT = 0xFE
 JFIF, ADOBE = 0xE0, 0xEE
 JFIF_BYTES = 18
 # Frames (SOFn), Huffman and arithmetic tables, scans, quantization, lines, restarts. Of the
-# application segments only those stay that say how to read the colours.
+# application segments, only JFIF and Adobe are kept, which define the colours.
 _KEPT = frozenset({*range(0xC0, 0xD0), *range(0xDA, 0xDE)})
 
 
@@ -22,23 +21,15 @@ class JpegError(ValueError):
 
 
 def without_metadata(jpeg: bytes, name: str) -> bytes:
-    """Return the picture alone, with `name` as its comment.
-
-    Raises:
-        JpegError: it cannot be taken apart.
-    """
+    """Return the image alone, with `name` as its comment, or raise JpegError."""
     comment = name.encode()
-    parts = [bytes((0xFF, START)), _segment(COMMENT, comment)]
-    parts += [part for marker, part in _parts(jpeg) if _is_kept(marker, part)]
-    return b"".join((*parts, bytes((0xFF, END))))
-
-
-def _segment(marker: int, content: bytes) -> bytes:
-    return bytes((0xFF, marker)) + (len(content) + 2).to_bytes(2) + content
+    begin = bytes((0xFF, START, 0xFF, COMMENT)) + (len(comment) + 2).to_bytes(2) + comment
+    parts = (part for marker, part in _parts(jpeg) if _is_kept(marker, part))
+    return b"".join((begin, *parts, bytes((0xFF, END))))
 
 
 def _is_kept(marker: int, part: bytes) -> bool:
-    if marker == JFIF:  # a longer one has a preview behind it
+    if marker == JFIF:  # a longer one contains a preview
         return part[4:].startswith(b"JFIF\0") and len(part) == JFIF_BYTES
     if marker == ADOBE:
         return part[4:].startswith(b"Adobe")
@@ -46,9 +37,7 @@ def _is_kept(marker: int, part: bytes) -> bool:
 
 
 def _parts(jpeg: bytes) -> Iterator[tuple[int, bytes]]:
-    """Yield the marker of each segment between start and end, and the segment; that of a scan with
-    the coded picture behind it.
-    """
+    """Yield the marker and bytes of each segment; a scan includes the coded image after it."""
     if jpeg[:2] != bytes((0xFF, START)):
         raise JpegError("no start of a picture")
     at = 2
@@ -68,7 +57,7 @@ def _parts(jpeg: bytes) -> Iterator[tuple[int, bytes]]:
 
 
 def _past_fill(jpeg: bytes, at: int) -> int:
-    """Return where the next marker is; any number of 0xFF may stand before it."""
+    """Return the offset of the next marker, before which any number of 0xFF is allowed."""
     if jpeg[at : at + 1] != b"\xff":
         raise JpegError("no marker where one is due")
     while jpeg[at + 1 : at + 2] == b"\xff":
@@ -79,9 +68,7 @@ def _past_fill(jpeg: bytes, at: int) -> int:
 
 
 def _end_of_scan(jpeg: bytes, at: int) -> int:
-    """Return where the coded picture ends: at a marker that is neither a stuffed 0xFF nor a
-    restart.
-    """
+    """Return the end of the coded image: a marker that is neither a stuffed 0xFF nor a restart."""
     while True:
         at = jpeg.find(b"\xff", at)
         if at < 0 or at + 1 >= len(jpeg):

@@ -1,6 +1,4 @@
-"""Which version of a study a command means: `exploration`, the newest that was published, or
-`exploration:2`.
-"""
+"""The study of a command: `exploration`, its newest published version, or `exploration:2`."""
 
 from django.core.management import CommandError
 
@@ -8,19 +6,12 @@ from experiments.models import Study
 
 
 def study_named(text: str) -> Study:
-    """Return a study by its name and, after a colon, its version.
-
-    Raises:
-        CommandError: there is none.
-    """
     slug, _, version = text.partition(":")
     rows = Study.objects.filter(slug=slug).order_by("-version")
     if version:
         rows = rows.filter(version=int(version)) if version.isdigit() else rows.none()
     found = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
     if found is None:
-        known = ", ".join(
-            sorted({f"{one.slug}:{one.version}" for one in Study.objects.only("slug", "version")})
-        )
-        raise CommandError(f"There is no study {text!r}; there are: {known or 'none'}.")
+        known = sorted(f"{one.slug}:{one.version}" for one in Study.objects.only("slug", "version"))
+        raise CommandError(f"There is no study {text!r}; there are: {', '.join(known) or 'none'}.")
     return found

@@ -1,3 +1,1 @@
-"""Markers to and from the Lab Streaming Layer, with which laboratories record EEG, gaze and the
-like on one time line.
-"""
+"""Markers to and from the Lab Streaming Layer, which synchronizes laboratory recordings."""

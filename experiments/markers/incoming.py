@@ -1,20 +1,27 @@
-"""Markers of other streams, written into the record of the sessions that they fall into."""
+"""Markers of other streams, stored in the record of the sessions in progress at their time."""
 
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 from django.db.models import Q
 
-from experiments.markers.marker import ForeignMarker
 from experiments.models import Drive
 from sessions.models import SessionEvent
 
 MAX_TEXT = 500
 
 
+@dataclass(frozen=True)
+class ForeignMarker:
+    """A sample of another stream at `at`, Unix seconds by the server's clock."""
+
+    stream: str
+    text: str
+    at: float
+
+
 def record(slug: str, marker: ForeignMarker, now: float) -> int:
-    """Store a marker with each session of a study that was in progress at its time, and return how
-    many these are.
-    """
+    """Store a marker with each session of a study in progress then, and return their number."""
     at = datetime.fromtimestamp(marker.at, UTC)
     drives = Drive.objects.filter(
         Q(session__ended_at=None) | Q(session__ended_at__gte=at),

@@ -1,7 +1,7 @@
 """Streams of the Lab Streaming Layer. Needs the extra `lsl`, whose wheel brings liblsl.
 
-LSL's clock is monotonic and differs from computer to computer; a stamp of ours is the server's time
-taken to this computer's LSL clock, and a stamp of theirs the other way round, after LSL's own
+LSL's clock is monotonic and differs from computer to computer. A stamp of ours is the server's time
+by this computer's LSL clock; a stamp of theirs is converted the other way round, after LSL's own
 correction of their clock (some 0.2 ms on one network).
 """
 
@@ -11,7 +11,7 @@ import pylsl
 from pylsl.util import LostError
 from pylsl.util import TimeoutError as LateError
 
-from experiments.markers.marker import ForeignMarker
+from experiments.markers.incoming import ForeignMarker
 
 TYPE = "Markers"  # as LSL calls streams of texts at irregular times
 OPEN_S = 1.0  # to wait for a stream that has been found
@@ -20,8 +20,8 @@ READINGS = 5
 
 
 def unix_minus_lsl() -> float:
-    """Return this computer's Unix time minus its LSL clock, s: of several readings the one whose
-    two looks at the LSL clock lie closest, because a busy computer may pause in between.
+    """Return this computer's Unix time minus its LSL clock, s: of several readings the one between
+    the closest readings of the LSL clock, because a busy computer may pause in between.
     """
     readings = []
     for _ in range(READINGS):
@@ -31,9 +31,7 @@ def unix_minus_lsl() -> float:
 
 
 class MarkerOutlet:
-    """A stream of markers. Its id stays the same, so that a recorder finds it again after this
-    process was started anew.
-    """
+    """A stream of markers, with a constant id by which a recorder finds it after a restart."""
 
     def __init__(self, name: str, source_id: str) -> None:
         info = pylsl.StreamInfo(name, TYPE, 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, source_id)
@@ -48,7 +46,7 @@ class MarkerOutlet:
             self._outlet.push_sample([text], stamp)
 
     def news(self) -> str:
-        """Return what has changed about who listens; "" when nothing has."""
+        """Return whether a recorder connected or left; "" when none did."""
         has = bool(self._outlet.have_consumers())
         if has == self._had_consumers:
             return ""
@@ -57,7 +55,7 @@ class MarkerOutlet:
 
 
 class MarkerInlet:
-    """A foreign stream by its name, looked for until it is there, and again when it is lost."""
+    """A foreign stream by its name, searched for until it is found, and again when it is lost."""
 
     def __init__(self, name: str) -> None:
         self.name = name
@@ -67,9 +65,7 @@ class MarkerInlet:
         self._was_lost = False
 
     def poll(self) -> tuple[list[ForeignMarker], str]:
-        """Return the markers that have come, and what has changed about the stream, "" when
-        nothing has.
-        """
+        """Return the new markers, and whether the stream was found or lost, "" when it was not."""
         if self._inlet is None:
             return [], self._connect()
         try:
@@ -98,12 +94,8 @@ class MarkerInlet:
         if not stamps:
             return []
         offset = inlet.time_correction(timeout=OPEN_S) + unix_minus_lsl()
+        texts = (" ".join(str(channel) for channel in sample) for sample in samples)
         return [
-            ForeignMarker(self.name, _text(sample), stamp + offset)
-            for sample, stamp in zip(samples, stamps, strict=True)
+            ForeignMarker(self.name, text, stamp + offset)
+            for text, stamp in zip(texts, stamps, strict=True)
         ]
-
-
-def _text(sample: list[object]) -> str:
-    """Return the channels of a sample as one text."""
-    return " ".join(str(value) for value in sample)

@@ -1,12 +1,13 @@
-"""What is published of a study: its events as markers, each once, with what a pseudonymous dataset
-has of them and under the same codes.
+"""The markers of a study: its events, each once, with the contents and codes that they have in a
+pseudonymous dataset.
 
 A marker's time is that of the replay and of datasets: the server's clock, for which the clocks of
 robot and page are corrected. Events are stored a moment after they happened, so a marker is
-published late, and says when it was.
+published late, with the time of the event.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import Any
 
@@ -14,36 +15,60 @@ import msgspec
 from django.db.models import Q
 
 from experiments.coding import store
-from experiments.dataset.allow_list import coded, released
-from experiments.dataset.build import release_of
-from experiments.dataset.events import page_offset, robot_offset
-from experiments.dataset.forms import Origin, Release, kept
-from experiments.dataset.selection import Selection
-from experiments.markers.marker import Marker, TimedMarker
+from experiments.extraction.allow_list import coded, released
+from experiments.extraction.build import release_of
+from experiments.extraction.events import origin_of
+from experiments.extraction.forms import Origin, Release, kept
+from experiments.extraction.selection import Selection
 from experiments.models import Coding, CodingSchemeVersion, Drive, StepVisit, Study, TaskEvent
 from sessions.models import SessionEvent
 
 LATE_S = 60.0  # an event is stored within this time, also when a robot sends it again
-LAB = "lab"  # the source of what other streams told; it is not sent back to them
+LAB = "lab"  # the source of the markers of other streams, which are not sent back to them
+
+
+class Marker(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A sample of our stream, sent as JSON. `t` is in seconds since the grant of the robot, absent
+    without a session; `data` depends on the type as in the events of a dataset.
+    """
+
+    type: str
+    source: str
+    session: str = ""
+    participant: str = ""
+    t: float | None = None
+    data: dict[str, Any] = {}
+
+    def text(self) -> str:
+        return msgspec.json.encode(self).decode()
+
+
+@dataclass(frozen=True)
+class TimedMarker:
+    """A marker at `at`, Unix seconds by the server's clock; `key` identifies it."""
+
+    key: tuple[Any, ...]
+    at: float
+    marker: Marker
 
 
 class MarkerSource:
-    """The events of a study since `since` (Unix seconds), found by asking the database."""
+    """The events of a study since `since` (Unix seconds), from the database."""
 
     def __init__(self, slug: str, since: float) -> None:
         self._slug, self._since = slug, since
-        self._told: dict[tuple[Any, ...], float] = {}
+        self._published: set[tuple[Any, ...]] = set()
         self._releases: dict[Any, Release] = {}
 
     def new(self, now: float) -> list[TimedMarker]:
-        """Return what was not returned before, in order of time."""
+        """Return the markers that were not returned before, in order of time."""
         begin = max(self._since, now - LATE_S)
         found = [
             one
             for one in (*self._of_drives(begin), *self._of_steps(begin), *self._of_codings())
-            if one.key not in self._told
+            if one.key not in self._published
         ]
-        self._told.update((one.key, now) for one in found)
+        self._published |= {one.key for one in found}
         return sorted(found, key=lambda one: one.at)
 
     def _release(self, study: Study) -> Release:
@@ -51,63 +76,41 @@ class MarkerSource:
             self._releases[study.pk] = release_of(study, Selection())
         return self._releases[study.pk]
 
-    # --- drives -----------------------------------------------------------------------------------
-
     def _of_drives(self, begin: float) -> Iterator[TimedMarker]:
-        """Yield the events of drives that go on, or ended a moment ago."""
+        """Yield the events of drives that are in progress, or ended a moment ago."""
         recent = Q(session__ended_at=None) | Q(session__ended_at__gte=_at(begin))
         drives = Drive.objects.filter(recent, participant__study__slug=self._slug)
         for drive in drives.select_related("participant__study", "session"):
             yield from self._of_drive(drive, begin)
 
     def _of_drive(self, drive: Drive, begin: float) -> Iterator[TimedMarker]:
-        key, granted = drive.session_id, drive.granted_at.timestamp()
-        rows = SessionEvent.objects.filter(session=key, received_at__gte=begin)
-        told = list(rows.exclude(source=LAB))
-        sources = {row.source for row in told}
-        offsets = {
-            "robot": robot_offset(key) if "robot" in sources else 0.0,
-            "page": page_offset(key) if "page" in sources else 0.0,
-        }
-        for row in told:
-            origin = Origin(granted, offsets.get(row.source, 0.0))
-            yield from self._event(
-                drive, row.pk, origin, (row.source, row.type, row.stamp, row.data)
-            )
+        rows = SessionEvent.objects.filter(session=drive.session_id, received_at__gte=begin)
         tasks = TaskEvent.objects.filter(drive=drive, stamp__gte=begin)
-        for task in tasks:
-            name = (drive.pk, task.number, task.type)
-            told_by = ("task", task.type, task.stamp, task.data)
-            yield from self._event(drive, name, Origin(granted), told_by)
-
-    def _event(
-        self, drive: Drive, key: Any, origin: Origin, told: tuple[str, str, float, dict[str, Any]]
-    ) -> Iterator[TimedMarker]:
-        source, kind, stamp, data = told
+        events: list[tuple[str, Any, SessionEvent | TaskEvent]] = [
+            *((row.source, row.pk, row) for row in rows.exclude(source=LAB)),
+            *(("task", (drive.pk, task.number, task.type), task) for task in tasks),
+        ]
+        origins = {source: origin_of(drive, source) for source in {one for one, *_ in events}}
         release = self._release(drive.participant.study)
-        left = released(source, kind, data, release, origin)
-        if left is None:
-            return
-        marker = Marker(
-            type=kind,
-            source=source,
-            session=release.names.session(drive.session_id),
-            participant=drive.participant.code,
-            t=origin.relative(stamp),
-            data=left,
-        )
-        yield TimedMarker((source, key), stamp - origin.offset, marker)
-
-    # --- steps ------------------------------------------------------------------------------------
+        for source, key, event in events:
+            origin = origins[source]
+            data = released(source, event.type, event.data, release, origin)
+            if data is not None:
+                marker = Marker(
+                    type=event.type,
+                    source=source,
+                    session=release.names.session(drive.session_id),
+                    participant=drive.participant.code,
+                    t=origin.relative(event.stamp),
+                    data=data,
+                )
+                yield TimedMarker((source, key), event.stamp - origin.offset, marker)
 
     def _of_steps(self, begin: float) -> Iterator[TimedMarker]:
-        """Yield which questionnaire was shown to whom."""
-        rows = StepVisit.objects.filter(
-            participant__study__slug=self._slug, began_at__gte=_at(begin)
-        )
-        for row in rows.select_related("participant__study"):
-            asking = {step.key for step in row.participant.study.as_definition().asking}
-            if row.step in asking:
+        """Yield a marker for each display of a questionnaire to a participant."""
+        own = {"participant__study__slug": self._slug, "began_at__gte": _at(begin)}
+        for row in StepVisit.objects.filter(**own).select_related("participant__study"):
+            if row.step in {step.key for step in row.participant.study.as_definition().asking}:
                 marker = Marker(
                     type="questionnaire_shown",
                     source="study",
@@ -116,17 +119,15 @@ class MarkerSource:
                 )
                 yield TimedMarker(("step", row.pk), row.began_at.timestamp(), marker)
 
-    # --- codings ----------------------------------------------------------------------------------
-
     def _of_codings(self) -> Iterator[TimedMarker]:
-        """Yield the events of codings that were finished since, of sessions that nobody codes."""
+        """Yield the events of codings that were finished since, of sessions that are released."""
         fresh = Coding.objects.filter(
             scheme__study__slug=self._slug, done_at__gte=_at(self._since)
         ).values_list("scheme", flat=True)
         for scheme in CodingSchemeVersion.objects.filter(pk__in=set(fresh)).select_related("study"):
             for coding in store.released(scheme):
-                if ("coding", coding.pk) not in self._told:
-                    self._told["coding", coding.pk] = self._since
+                if ("coding", coding.pk) not in self._published:
+                    self._published.add(("coding", coding.pk))
                     yield from self._of_coding(scheme, coding)
 
     def _of_coding(self, scheme: CodingSchemeVersion, coding: Coding) -> Iterator[TimedMarker]:

@@ -13,7 +13,7 @@ class Migration(migrations.Migration):
     initial = True
 
     dependencies = [
-        ("telepresence_sessions", "0005_terms"),
+        ("telepresence_sessions", "0001_squashed_0013_states_in_order"),
         migrations.swappable_dependency(settings.AUTH_USER_MODEL),
     ]
 

@@ -7,13 +7,16 @@ from typing import Any
 
 from django.db import migrations, models
 
-import experiments.models
+
+def not_drawn() -> str:
+    """Return a unique word for somebody who was not assigned yet."""
+    return uuid.uuid4().hex
 
 
 def give_words(apps: Any, _schema_editor: Any) -> None:
     """Give everybody a word of their own."""
     for participant in apps.get_model("experiments", "Participant").objects.only("pk").iterator():
-        participant.drawn_as = uuid.uuid4().hex
+        participant.drawn_as = not_drawn()
         participant.save(update_fields=["drawn_as"])
 
 
@@ -37,16 +40,14 @@ class Migration(migrations.Migration):
         migrations.AddField(
             model_name="participant",
             name="drawn_as",
-            field=models.CharField(
-                default=experiments.models.not_drawn, editable=False, max_length=100
-            ),
+            field=models.CharField(default=not_drawn, editable=False, max_length=100),
         ),
         migrations.RunPython(give_words, migrations.RunPython.noop),
         migrations.AlterField(
             model_name="participant",
             name="drawn_as",
             field=models.CharField(
-                default=experiments.models.not_drawn, editable=False, max_length=100, unique=True
+                default=not_drawn, editable=False, max_length=100, unique=True
             ),
         ),
     ]

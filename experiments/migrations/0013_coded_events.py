@@ -10,7 +10,7 @@ class Migration(migrations.Migration):
 
     dependencies = [
         ("experiments", "0012_wizard_role"),
-        ('telepresence_sessions', '0009_verbose_names'),
+        ('telepresence_sessions', '0001_squashed_0013_states_in_order'),
         migrations.swappable_dependency(settings.AUTH_USER_MODEL),
     ]
 

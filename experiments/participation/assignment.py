@@ -1,38 +1,50 @@
-"""Who gets which condition: at the first grant of the robot, or when they come to instructions that
-only some conditions have, to the cell that has the fewest.
+"""Which participant gets which condition. They are drawn at the first grant of the robot, or before
+instructions that only some conditions have, preferably for the cell that has the fewest.
 
 A *cell* is what a participant is assigned to: one condition (between participants), or one order of
-conditions (within them). A place in it is held from then on, and is
+conditions (within them). A participant then holds a place in it, which is
 
-- freed only when its visitor left before the first velocity was applied: nothing was done to them.
-  Participants who have read what only their condition says keep it, for as long as the study waits;
+- freed only when the participant left without being exposed: their page never showed the robot's
+  video, nor anything else that only their condition has. They are drawn again if they return;
 - filled by every other ending, whose outcome counts in the cell;
-- filled and yet given to another when the study's frozen rule says so of its outcome, as often as
-  the rule allows;
-- left, where a participant is to do several conditions, by one who is gone before they had them
-  all: such a place is given to another, so that the *complete cases* of the orders are even.
-  Whether somebody is gone is asked anew each time; who comes back goes on in their place.
+- refilled: filled and yet given to another participant, when the study's frozen rule says so of its
+  outcome, as often as the rule allows;
+- left, where a participant has several conditions to do, or learned of theirs before the video, and
+  is gone before driving them: such a place is given to another, so that the *complete cases* of the
+  orders are even. Whether someone is gone is computed each time; those who return keep their place.
 
-With all participants drawn to the smallest cell, the numbers of filled places never differ by more
-than the greatest number of participants that were under way at once: the last one who filled the
-largest cell was drawn when it was not larger than any other, and only those under way at that
-moment, less than all by that one, can have left since. (A refill rule frees places too, at the
-moment in which they would be filled, and changes nothing in this.)
-tests/unit/experiments/participation/test_assignment.py tries it.
+Smallest first alone would be predictable: of two cells, every second participant's would be known
+beforehand. So the best cell is only the most probable one (a biased coin, Efron, "Forcing a
+sequential experiment to be balanced", 1971), and the counts can be of alike participants
+(minimization after Pocock and Simon, "Sequential treatment assignment with balancing for prognostic
+factors in the controlled clinical trial", 1975, with the totals of all cells as in Altman and
+Bland, "Treatment allocation by minimisation", 2005).
 
-Pure: what is held comes in, a choice goes out. Ties are drawn with a seed that is kept with the
-choice.
+With `best_probability` 1 and no factors, the numbers of filled places never differ by more than the
+greatest number of participants in progress at once: the last one who filled the largest cell was
+drawn when it was not larger than any other, and only those in progress at that moment, fewer by
+that one, can have left since. (A refill rule frees places when they would be filled, which changes
+nothing in this.) tests/unit/experiments/participation/test_assignment.py tries it, and simulates
+how predictable and how uneven other probabilities are.
+
+Pure: a function of the places that are held, and of a seed that is stored with the choice.
 """
 
 import random
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from itertools import permutations
 from typing import Literal
 
 from experiments.definition.factors import groups
-from experiments.definition.schema import Outcome, Refill, StudyDefinition
+from experiments.definition.schema import (
+    Allocation,
+    BalanceFactor,
+    Outcome,
+    Refill,
+    StudyDefinition,
+)
 
 Access = Literal["open", "invitation"]
 Stage = Literal["under_way", "freed", "filled", "refilled", "left"]
@@ -40,9 +52,7 @@ Stage = Literal["under_way", "freed", "filled", "refilled", "left"]
 
 @dataclass(frozen=True)
 class Cell:
-    """What a participant is assigned to: the keys of conditions, in the order in which they are
-    done.
-    """
+    """A cell: the keys of conditions, in the order in which they are done."""
 
     key: str
     conditions: tuple[str, ...]
@@ -50,50 +60,40 @@ class Cell:
 
 @dataclass(frozen=True)
 class Held:
-    """A place in a cell, and what became of it."""
+    """A place in a cell, with its participant's level of each balance factor."""
 
     cell: str
     stage: Stage = "under_way"
+    levels: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class AssignmentChoice:
-    """The cell of a participant, the ones that it was drawn from, and the seed
-    that draws it again.
-    """
+    """The cell of a participant, and the facts from which the choice can be repeated."""
 
     cell: Cell
-    candidates: tuple[str, ...]
+    best: tuple[str, ...]
+    counts: Mapping[str, int]
+    scores: Mapping[str, int]
     seed: int
 
 
 def cells(study: StudyDefinition, access: Access = "open") -> tuple[Cell, ...]:
-    """Return the cells that somebody who came by an open link, or by invitation, can be assigned
-    to. In a mixed design they are the orders within each cell of the between factors.
+    """Return the cells for participants with an open link, or with an invitation. In a mixed design
+    they are the orders within each cell of the between factors.
     """
     several = [[condition.key for condition in group] for group in groups(study, access)]
     if study.allocation.design == "between":
         return tuple(Cell(key, (key,)) for keys in several for key in keys)
-    orders = {"fixed": _as_written, "all": _all_orders, "balanced": balanced}[
-        study.allocation.order
-    ]
-    return tuple(Cell("-".join(order), order) for keys in several for order in orders(keys))
-
-
-def _as_written(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    return (tuple(keys),) if keys else ()
-
-
-def _all_orders(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    return tuple(permutations(keys)) if keys else ()
+    orders = ORDERS[study.allocation.order]
+    return tuple(Cell("-".join(one), one) for keys in several if keys for one in orders(keys))
 
 
 def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
-    """Return orders in which each condition stands as often in each place, and follows each other
-    one as often.
-
-    Williams, "Experimental designs balanced for the estimation of residual effects of treatments",
-    1949: n orders when n is even; when it is odd, they and their reverses.
+    """Return orders in which each condition is equally often in each position, and equally often
+    after each other one: n orders when n is even; when it is odd, they and their reverses
+    (Williams, "Experimental designs balanced for the estimation of residual effects of treatments",
+    1949).
     """
     count = len(keys)
     if count == 0:
@@ -107,25 +107,66 @@ def balanced(keys: Sequence[str]) -> tuple[tuple[str, ...], ...]:
     return tuple(rows)
 
 
-def choose(
-    offered: Sequence[Cell], held: Iterable[Held], quota: int | None, seed: int
-) -> AssignmentChoice | None:
-    """Return the cell for a new participant; None when all are full.
+ORDERS: Mapping[str, Callable[[Sequence[str]], Iterable[tuple[str, ...]]]] = {
+    "fixed": lambda keys: (tuple(keys),),
+    "all": permutations,
+    "balanced": balanced,
+}
 
-    Args:
-        offered: the cells that they may get.
-        held: every place of the study that is, or was, held.
-        quota: how many places a cell has; None is no end.
-        seed: draws among cells with equally few. Take a new one each time, and keep it.
+
+def choose(
+    offered: Sequence[Cell],
+    held: Iterable[Held],
+    allocation: Allocation,
+    seed: int,
+    levels: Mapping[str, str] | None = None,
+) -> AssignmentChoice | None:
+    """Return the cell for a new participant; None when all are full. `held` has every place of the
+    study that is, or was, held; `levels` the participant's level of each balance factor, by its
+    item. `seed` is to be new each time, and stored.
     """
-    loads = load(held)
-    free = [cell for cell in offered if quota is None or loads[cell.key] < quota]
+    held = list(held)
+    taken = load(held)
+    free = open_cells(offered, taken, allocation.quota)
     if not free:
         return None
-    least = min(loads[cell.key] for cell in free)
-    candidates = [cell for cell in free if loads[cell.key] == least]
-    drawn = random.Random(seed).choice(candidates)
-    return AssignmentChoice(drawn, tuple(cell.key for cell in candidates), seed)
+    alike = [load(some) for some in _alike(held, allocation, levels or {})]
+    scores = {cell.key: sum(counts[cell.key] for counts in alike) for cell in free}
+    least = min(scores.values())
+    best = [cell for cell in free if scores[cell.key] == least]
+    others = [cell for cell in free if scores[cell.key] > least]
+    chance = random.Random(seed)
+    is_best = not others or chance.random() < allocation.best_probability
+    drawn = chance.choice(best if is_best else others)
+    counts = {cell.key: taken[cell.key] for cell in free}
+    return AssignmentChoice(drawn, tuple(cell.key for cell in best), counts, scores, seed)
+
+
+def open_cells(offered: Sequence[Cell], taken: Mapping[str, int], quota: int | None) -> list[Cell]:
+    return [cell for cell in offered if quota is None or taken[cell.key] < quota]
+
+
+def _alike(
+    held: Sequence[Held], allocation: Allocation, levels: Mapping[str, str]
+) -> Iterator[list[Held]]:
+    """Yield the places that count for a participant with these levels: all of them, those of
+    participants alike in every factor, or for each factor those alike in it.
+    """
+    items = [factor.item for factor in allocation.balance]
+    is_minimized = items and allocation.balancing == "minimization"
+    for some in [[item] for item in items] if is_minimized else [items]:
+        own = [levels.get(item) for item in some]
+        yield [place for place in held if [place.levels.get(item) for item in some] == own]
+
+
+def level_of(factor: BalanceFactor, value: object) -> str:
+    """Return the level of a factor to which an answer belongs; empty without an answer."""
+    if value is None or value == "":
+        return ""
+    if not factor.limits or isinstance(value, bool) or not isinstance(value, int | float):
+        return str(value)
+    passed = [limit for limit in sorted(factor.limits) if value >= limit]
+    return f"from {passed[-1]:g}" if passed else f"below {min(factor.limits):g}"
 
 
 def load(held: Iterable[Held]) -> Counter[str]:
@@ -133,38 +174,22 @@ def load(held: Iterable[Held]) -> Counter[str]:
     return Counter(place.cell for place in held if place.stage in {"under_way", "filled"})
 
 
-def stage_at_end(
-    cell: str, outcome: Outcome, *, exposed: bool, refill: Refill, held: Iterable[Held]
-) -> Stage:
-    """Return what becomes of a place whose participant is done, or gone.
-
-    Args:
-        cell: where the place is.
-        outcome: of the session that ended it.
-        exposed: whether a velocity of theirs was ever applied.
-        refill: the study's rule.
-        held: every place of the study, for the number of those refilled before.
+def stage_at_end(outcome: Outcome, refill: Refill, refilled: int) -> Stage:
+    """Return the stage of the place of an exposed participant after their drive; `refilled` counts
+    the places of the cell that were given to others before.
     """
-    if not exposed:
-        return "freed"
-    if outcome not in refill.outcomes:
-        return "filled"
-    before = sum(place.stage == "refilled" and place.cell == cell for place in held)
-    return "refilled" if before < refill.most else "filled"
+    is_passed_on = outcome in refill.outcomes and refilled < refill.most
+    return "refilled" if is_passed_on else "filled"
 
 
 def stage_now(
-    stage: Stage, *, conditions: int, done: int, is_gone: bool, is_told: bool = False
+    stage: Stage, *, conditions: int, done: int, is_gone: bool, knows_condition: bool = False
 ) -> Stage:
-    """Return the stage of a place as it counts now.
-
-    Args:
-        stage: as it was stored.
-        conditions: how many the participant is to do.
-        done: in how many of them they drove.
-        is_gone: whether they withdrew, or were not seen for as long as the study waits.
-        is_told: whether they were assigned before they drove, to read their instructions.
+    """Return the stage of a place as it counts now, of a participant who is to do a number of
+    `conditions` and drove in `done` of them; `is_gone` tells whether they withdrew, or were not
+    seen for as long as the study waits, `knows_condition` whether they learned of their condition
+    before any video.
     """
     is_taken = stage in {"under_way", "filled"}
-    may_leave = conditions > 1 or is_told
+    may_leave = conditions > 1 or knows_condition
     return "left" if may_leave and is_taken and is_gone and done < conditions else stage

@@ -1,77 +1,117 @@
-"""How taking part ended, and the code that says so to whoever recruited the participant.
+"""How a participation ended, and the code that a participant takes to the recruitment site.
 
-A recruiting site is told one code a way of ending, the same for everybody, so the codes of a study
-follow from its secret and are shown to its researchers beforehand. Participants who are turned away
-get a code only where the study says so: most sites pay for any code that a participant brings.
+A recruitment site knows one code per ending, the same for all participants and versions of the
+study, so researchers see the codes beforehand. Participants who are screened out get a code only
+where the study allows it: most sites pay for any code.
 """
 
 import datetime
 import hashlib
 import hmac
 
-from django.db.models import Q
-
 from accounts.passwordless import CODE_LETTERS
+from experiments.definition.recruitment.recruiting import ENDINGS, Ending
 from experiments.models import (
     CODE_LENGTH,
     DONE,
+    LEFT,
     SCREENED_OUT,
-    TECHNICAL_FAILURE,
+    TIMED_OUT,
     Drive,
     Participant,
     Study,
 )
+from experiments.recruitment import appointments, sites
+from sessions.leases.absences import faults_of
+from sessions.models import Session
 
-WAYS = (DONE, TECHNICAL_FAILURE, SCREENED_OUT)
-# Endings that are the system's, not the visitor's.
 TECHNICAL = frozenset(
     {"connection_refused", "connection_lost", "robot_fault", "stopped_by_operator"}
 )
+TECHNICAL_SIDES = frozenset({"network", "platform", "robot", "operator"})
+MIN_MOTION_M = 0.1  # below, the odometer of a robot at rest is noise
 
 
-def code(study: Study, way: str) -> str:
-    """Return the code of a way of ending: one of WAYS."""
-    digest = hmac.new(study.secret.encode(), f"completion {way}".encode(), hashlib.sha256).digest()
-    return "".join(CODE_LETTERS[byte % len(CODE_LETTERS)] for byte in digest[:CODE_LENGTH])
+def code(study: Study, ending: Ending) -> str:
+    """Return the code of an ending: that of the definition, or one that this site makes. A study
+    without recruitment settings has one code for all who drove.
+    """
+    recruiting = study.as_definition().recruiting
+    if recruiting is None and ending == TIMED_OUT:
+        ending = DONE
+    own: str = getattr(recruiting.codes, ending) if recruiting is not None else ""
+    key = (study.code_key or study.secret).encode()
+    digest = hmac.new(key, f"completion {ending}".encode(), hashlib.sha256).digest()
+    return own or "".join(CODE_LETTERS[byte % len(CODE_LETTERS)] for byte in digest[:CODE_LENGTH])
 
 
-def codes(study: Study) -> dict[str, str]:
-    """Return the codes that participants of a study can get, by way of ending."""
+def codes(study: Study) -> dict[Ending, str]:
     gives_all = study.as_definition().turned_away_code
-    return {way: code(study, way) for way in WAYS if gives_all or way != SCREENED_OUT}
+    return {one: code(study, one) for one in ENDINGS if gives_all or one != SCREENED_OUT}
 
 
-def way_of(participant: Participant) -> str:
-    """Return how a participant who came to the end took part: done once a drive moved the robot and
-    did not end by a failure.
+def ending_of(participant: Participant) -> Ending:
+    """Return the ending of a participant who has reached the end. The best drive in which the robot
+    moved decides. Without one, any failure that was not the participant's is a technical failure;
+    else they left, or their time was up.
     """
     practice = participant.study.as_definition().practice_keys
-    moved = Q(exposed=True) | Q(session__first_motion_at__isnull=False)
-    drives = (
-        Drive.objects.filter(moved, participant=participant)
-        .exclude(step__in=practice)
-        .select_related("session")
-    )
-    return (
-        DONE
-        if any((drive.outcome or drive.session.outcome) not in TECHNICAL for drive in drives)
-        else TECHNICAL_FAILURE
-    )
+    drives = Drive.objects.filter(participant=participant).exclude(step__in=practice)
+    rows = list(drives.select_related("session"))
+    moved = [drive.outcome or drive.session.outcome for drive in rows if has_moved(drive.session)]
+    fair = [outcome for outcome in moved if outcome not in TECHNICAL]
+    if fair:
+        return "timed_out" if set(fair) == {"timed_out"} else "done"
+    return "technical_failure" if moved else _without_motion(participant, rows)
+
+
+def has_moved(session: Session) -> bool:
+    """Tell whether the robot moved: by the first motion noted live, or the record's distance."""
+    distance = (session.summary or {}).get("distance", 0.0)
+    return session.first_motion_at is not None or distance >= MIN_MOTION_M
+
+
+def _without_motion(participant: Participant, drives: list[Drive]) -> Ending:
+    sessions = [drive.session for drive in drives]
+    if participant.user_id is not None:
+        sessions += Session.objects.filter(
+            visitor=participant.user_id,
+            granted_at=None,
+            queued_at__gte=participant.created_at,
+            ended_at__isnull=False,
+        )
+    # without a session no robot was available
+    sides = {fault.side for fault in faults_of(sessions).values()} or {"platform"}
+    if sides & TECHNICAL_SIDES:
+        return "technical_failure"
+    return "left" if "visitor" in sides else "timed_out"
 
 
 def conclude(participant: Participant, now: datetime.datetime) -> None:
-    """Note that a participant is through; a later visit makes good what failed before, and takes
-    nothing back.
-    """
-    way = DONE if participant.completion == DONE else way_of(participant)
-    close(participant, Participant.Status.FINISHED, way, now)
+    """Store that a participant has finished. A later visit can only improve the ending."""
+    ending = "done" if participant.completion == DONE else ending_of(participant)
+    close(participant, Participant.Status.FINISHED, ending, now)
+    appointments.plan_second_session(participant, now)
 
 
-def close(participant: Participant, status: str, way: str, now: datetime.datetime) -> None:
-    """End a participation that is under way."""
-    rows = Participant.objects.filter(
-        pk=participant.pk, status__in=(Participant.Status.ACTIVE, status)
-    )
-    given = codes(participant.study).get(way, "")
-    rows.update(status=status, finished_at=now, completion=way, completion_code=given)
+def close(participant: Participant, status: str, ending: Ending, now: datetime.datetime) -> None:
+    """End an active participation, or update one that has ended with this status."""
+    given = codes(participant.study).get(ending, "")
+    status_in = (Participant.Status.ACTIVE, status)
+    rows = Participant.objects.filter(pk=participant.pk, status__in=status_in)
+    rows.update(status=status, finished_at=now, completion=ending, completion_code=given)
     participant.refresh_from_db()
+
+
+def return_address(participant: Participant, ending: Ending | None = None) -> str:
+    reached: Ending = ending or participant.completion
+    given = codes(participant.study).get(reached, "") if ending else participant.completion_code
+    recruiting = participant.study.as_definition().recruiting
+    return sites.return_address(recruiting, participant.recruitment, reached, given)
+
+
+def on_leaving(participant: Participant) -> tuple[Ending, str]:
+    """Return ending and code for a withdrawal; a finished participant keeps theirs, to be paid."""
+    if participant.completion:
+        return participant.completion, participant.completion_code
+    return LEFT, code(participant.study, LEFT)

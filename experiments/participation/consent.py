@@ -1,37 +1,64 @@
-"""Consent: the text as it was shown, who agreed to it when, and who may not."""
+"""Consent: its form, and its receipts with the text as it was shown, by whom and when."""
 
 import datetime
 import hashlib
-from typing import Literal
+from typing import Any
 
+from django import forms
 from django.db import IntegrityError, transaction
+from django.utils.translation import gettext_lazy as _
 
+from accounts.forms import single_line
 from experiments.definition.steps.consent import Consent
 from experiments.models import ConsentReceipt, Participant
 from surveys.documents import spoken
 
-Answer = Literal["agreed", "too_young", "guardian"]
+MAX_AGE = 120
 
 
-def text_of(step: Consent, language: str) -> str:
-    """Return what a participant is asked to agree to."""
-    return spoken(step.text, language)
+class ConsentForm(forms.Form):
+    age = forms.IntegerField(
+        label=_("Your age in years"),
+        min_value=1,
+        max_value=MAX_AGE,
+        widget=forms.NumberInput(attrs={"inputmode": "numeric"}),
+    )
+    guardian = forms.CharField(
+        label=_("Name of the parent or guardian who also agrees"),
+        max_length=120,
+        error_messages={
+            "required": _("At your age, a parent or guardian must agree too. Enter their name.")
+        },
+        widget=forms.TextInput(attrs={"autocomplete": "off"}),
+    )
+    agree = forms.BooleanField(label=_("I have read this and want to take part."))
+    sharing = forms.BooleanField(required=False)
 
+    def __init__(self, step: Consent, language: str, data: Any = None) -> None:
+        super().__init__(data)
+        is_minor = self._age() < step.minimum_age
+        self.is_too_young = is_minor and step.minors == "refused"
+        self.fields["sharing"].label = spoken(step.sharing, language) if step.sharing else ""
+        if step.minors == "refused":
+            hint = _("You must be at least %(age)d to take part.") % {"age": step.minimum_age}
+            self.fields["age"].help_text = hint
+        unused = {
+            "age": not step.minimum_age,
+            "guardian": not is_minor or step.minors == "refused",
+            "sharing": not self.fields["sharing"].label,
+        }
+        for name in (name for name, is_unused in unused.items() if is_unused):
+            del self.fields[name]
 
-def sha256(text: str) -> str:
-    """Return by what a text is known word by word."""
-    return hashlib.sha256(text.encode()).hexdigest()
+    def _age(self) -> int:
+        """Return the entered age; without a valid one, an age at which no rule applies."""
+        try:
+            return int(self.fields["age"].clean(self.data.get("age")))
+        except forms.ValidationError:
+            return MAX_AGE
 
-
-def may_agree(step: Consent, age: int | None, guardian: str) -> Answer:
-    """Return whether somebody may agree by themself, is turned away, or needs a guardian's word
-    that is not there.
-    """
-    if not step.minimum_age or (age is not None and age >= step.minimum_age):
-        return "agreed"
-    if step.minors == "refused":
-        return "too_young"
-    return "agreed" if guardian else "guardian"
+    def clean_guardian(self) -> str:
+        return single_line(self.cleaned_data["guardian"])
 
 
 def agree(
@@ -41,35 +68,33 @@ def agree(
     language: str,
     age: int | None = None,
     guardian: str = "",
+    sharing: bool | None = None,
     now: datetime.datetime,
 ) -> ConsentReceipt:
-    """Return the receipt of a participant's consent, made at the first call: the text stands in it
-    as it was shown then.
+    """Return the receipt of a participant's consent, made at the first call, with the texts as they
+    were shown then; `sharing` is None where the step did not ask.
     """
-    text = text_of(step, language)
+    text, key = spoken(step.text, language), {"step": step.key, "version": step.version}
     fields = {
         "language": language,
         "text": text,
-        "text_sha256": sha256(text),
+        "text_sha256": hashlib.sha256(text.encode()).hexdigest(),
         "guardian": guardian[:120],
+        "sharing": sharing,
+        "sharing_text": spoken(step.sharing, language) if sharing is not None else "",
         "agreed_at": now,
     }
     try:
         with transaction.atomic():
-            receipt = ConsentReceipt.objects.create(
-                participant=participant, step=step.key, version=step.version, **fields
-            )
+            receipt = ConsentReceipt.objects.create(participant=participant, **key, **fields)
     except IntegrityError:
-        return ConsentReceipt.objects.get(
-            participant=participant, step=step.key, version=step.version
-        )
+        return ConsentReceipt.objects.get(participant=participant, **key)
     Participant.objects.filter(pk=participant.pk).update(age=age, language=language)
     participant.age, participant.language = age, language
     return receipt
 
 
 def as_text(receipt: ConsentReceipt) -> str:
-    """Return a receipt to keep, as plain text."""
     study = receipt.participant.study
     lines = [
         receipt.text,
@@ -83,4 +108,6 @@ def as_text(receipt: ConsentReceipt) -> str:
     ]
     if receipt.guardian:
         lines.insert(-1, f"guardian {receipt.guardian}")
+    if receipt.sharing is not None:
+        lines[1:1] = ["", f"[{'x' if receipt.sharing else ' '}] {receipt.sharing_text}"]
     return "\n".join(lines) + "\n"

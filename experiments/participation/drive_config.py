@@ -1,12 +1,11 @@
-"""What the drive page is told of a study, so that it can guide: the course, and what the
-participant may use.
+"""The study's part of the drive page's configuration (sessions.views.page_config, under `study`):
+the course, and what the participant may use.
 
-It stands in the page's configuration (sessions.views.page_config) under `study`. What happens in
-the task the page hears from the session manager; and where the terms of the session
-(sessions/leases/terms.py) say less than this, they win.
+The session manager sends what happens in the task. Where the terms of the session
+(sessions/leases/terms.py) allow less than this, the terms apply.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from django.utils.translation import gettext as _
@@ -16,37 +15,10 @@ from experiments.definition.course import CourseError
 from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Condition, Course, StudyDefinition
 from experiments.definition.step import AskingStep, DriveStep, Step
-from experiments.models import Drive, Participant
 from robots.api.floorplan import FloorPlan
 from surveys.documents import spoken
 
-
-def config(
-    participant: Participant,
-    choice: Drive | Condition | Sequence[Condition],
-    plan: FloorPlan,
-    *,
-    step_url: str,
-) -> dict[str, Any]:
-    """Return what the page is told, for `json_script`.
-
-    Args:
-        participant: who stands on a practice or a task step.
-        choice: the condition, the drive in it, or, before anything is assigned, all conditions that
-            it may become: one course, and what any of them allows.
-        plan: of the conditions' site.
-        step_url: where the study goes on after the drive.
-
-    Raises:
-        CourseError: the step is none to drive in, or the conditions have no course, or not the same
-            one, on this plan.
-    """
-    study = participant.study.as_definition()
-    conditions = _conditions(study, choice)
-    step = study.drive(participant.step)
-    if step is None:
-        raise CourseError(f"step {participant.step!r} of {study.slug} has no drive")
-    return guide(study, step, conditions, plan, language=participant.language, step_url=step_url)
+NO_COURSE = {"checkpoints": [], "dock": None, "path": [], "doors": [], "zones": [], "photo": None}
 
 
 def guide(
@@ -58,23 +30,36 @@ def guide(
     language: str,
     step_url: str,
 ) -> dict[str, Any]:
-    """Return what a page is told for conditions that share a course; a practice drive has no
-    checkpoints. Metres, radians, minutes.
+    """Return the configuration of a drive in metres, radians and minutes; a practice drive has no
+    checkpoints.
+
+    Before the assignment, `conditions` are all that the participant may get: what any of them
+    allows is allowed, and a setting in which they differ is null, until the session's terms decide
+    it. `plan` is that of their site, `step_url` where the study continues after the drive.
 
     Raises:
-        CourseError: as `config`.
+        CourseError: the conditions have no course, or not the same one, on this plan.
     """
-    course = _course(study, conditions)
-    task = None if step.is_practice else study.task
-    if not step.is_practice:
-        conditions = [_own_part(study, condition) for condition in conditions]
+    course, last_minutes = _course(study, conditions), 0.0
+    if step.is_practice:
+        course = None
+    else:
+        last_minutes = study.task.last_minutes if study.task is not None else 0.0
+        conditions = [
+            without_driving(one) if study.wizard_of(one.key) is not None else one
+            for one in conditions
+        ]
     return {
         "kind": "practice" if step.is_practice else "task",
         "title": spoken(step.title, language),
         "minutes": step.minutes,
-        "lastMinutes": 0.0 if task is None else task.last_minutes,
-        **ground(None if step.is_practice else course, plan, language),
-        **_allowed(conditions),
+        "lastMinutes": last_minutes,
+        **ground(course, plan, language),
+        "controllers": _union(one.controllers for one in conditions),
+        "ownActions": _union(one.actions for one in conditions),
+        "actions": _union(allowed_actions(one) for one in conditions),
+        "assist": _same([one.assist for one in conditions]),
+        "interface": _same([one.interface for one in conditions]),
         "urls": {"step": step_url},
     }
 
@@ -83,56 +68,31 @@ def what_follows(steps: Sequence[Step]) -> str:
     """Return a sentence on what a participant does after a drive; `steps` are those to come."""
     if not steps or steps[0].is_end:
         return _("That was the last part of the study.")
-    drives_again = any(isinstance(step, DriveStep) for step in steps)
     if isinstance(steps[0], AskingStep):
-        return (
-            _("Questions are next, then you drive again.")
-            if drives_again
-            else _("The last questions are next.")
-        )
+        if any(isinstance(step, DriveStep) for step in steps):
+            return _("Questions are next, then you drive again.")
+        return _("The last questions are next.")
     if isinstance(steps[0], DriveStep):
         return _("Another drive is next.")
     return _("The study continues with the next step.")
 
 
-def _conditions(
-    study: StudyDefinition, choice: Drive | Condition | Sequence[Condition]
-) -> tuple[Condition, ...]:
-    if isinstance(choice, Drive):
-        condition = study.condition(choice.condition)
-        return (condition,) if condition is not None else ()
-    return (choice,) if isinstance(choice, Condition) else tuple(choice)
-
-
-def _own_part(study: StudyDefinition, condition: Condition) -> Condition:
-    return without_driving(condition) if study.wizard_of(condition.key) is not None else condition
-
-
 def _course(study: StudyDefinition, conditions: Sequence[Condition]) -> Course:
     courses = [study.course_of(condition) for condition in conditions]
     if not courses or courses[0] is None or any(course != courses[0] for course in courses):
-        keys = ", ".join(condition.key for condition in conditions)
-        raise CourseError(
-            f"study {study.slug} has no single course for these conditions: {keys or 'none'}"
-        )
+        keys = ", ".join(condition.key for condition in conditions) or "none"
+        raise CourseError(f"study {study.slug} has no single course for these conditions: {keys}")
     return courses[0]
 
 
 def ground(course: Course | None, plan: FloorPlan, language: str) -> dict[str, Any]:
-    """Return what a map draws of a course, none for a drive without one.
+    """Return what a map draws of a course; nothing without one.
 
     Raises:
         CourseError: the plan has no charging station for it.
     """
     if course is None:
-        return {
-            "checkpoints": [],
-            "dock": None,
-            "path": [],
-            "doors": [],
-            "zones": [],
-            "photo": None,
-        }
+        return NO_COURSE
     dock = dock_of(course, plan)
     if dock is None:
         raise CourseError(f"no charging station for {course.robot} on the plan {plan.map_id}")
@@ -158,21 +118,8 @@ def ground(course: Course | None, plan: FloorPlan, language: str) -> dict[str, A
     }
 
 
-def _allowed(conditions: Sequence[Condition]) -> dict[str, Any]:
-    """What is open under any of the conditions; what they fix alike is fixed, else null, and the
-    session's terms will tell.
-    """
-    return {
-        "controllers": sorted(
-            {controller for condition in conditions for controller in condition.controllers}
-        ),
-        "ownActions": sorted({action for condition in conditions for action in condition.actions}),
-        "actions": sorted(
-            {action for condition in conditions for action in allowed_actions(condition)}
-        ),
-        "assist": _same([condition.assist for condition in conditions]),
-        "interface": _same([condition.interface for condition in conditions]),
-    }
+def _union(sets: Iterable[Iterable[str]]) -> list[str]:
+    return sorted({name for names in sets for name in names})
 
 
 def _same(values: Sequence[str]) -> str | None:

@@ -1,7 +1,8 @@
-"""What became of a step in which the robot is driven, and which robot that is."""
+"""The result of a step in which the robot is driven, and which robot that is."""
 
 import datetime
 import math
+from collections import Counter
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -14,72 +15,54 @@ from robots.models import Robot
 from sessions.leases.traffic import living_sessions, traffic_at
 from sessions.models import Session
 
-# Not yet; on the robot or in its queue now; over, with a velocity of theirs applied; over without.
-Standing = Literal["never", "living", "exposed", "unexposed"]
-
 
 @dataclass(frozen=True)
 class DriveStatus:
-    """How the last session of a step stands. `reason` is the session's own, for a sentence."""
-
-    standing: Standing
+    state: Literal["never", "living", "moved", "unmoved"] = "never"
     session: Session | None = None
     outcome: str = ""
-    reason: str = ""
 
     @property
     def robot(self) -> Robot | None:
-        """Which robot it was."""
         return self.session.robot if self.session is not None else None
 
 
-NEVER = DriveStatus("never")
-
-
-def driven(participant: Participant, place: JourneyPlace) -> DriveStatus:
-    """Return what became of a place at which the robot is driven: from its drives, and from visits
-    that never got the robot.
-    """
+def status_at(participant: Participant, place: JourneyPlace) -> DriveStatus:
+    """Return the status of a drive, also from sessions that never got the robot."""
     drives = _drives(participant).filter(visit=place.visit, round=place.round, step=place.step)
     done = [_of_drive(drive) for drive in drives]
-    living = _living(participant, place)
+    sessions = _own_sessions(participant, place)
+    living = sessions.exclude(state=Session.State.ENDED).first()
     if living is not None:
         return DriveStatus("living", living)
-    exposed = next((one for one in done if one.standing == "exposed"), None)
-    return exposed or (done[0] if done else _without_drive(participant, place))
+    moved = next((one for one in done if one.state == "moved"), None)
+    if moved or done:
+        return moved or done[0]
+    refused = sessions.filter(granted_at=None, drive=None).first()
+    return DriveStatus("unmoved", refused, refused.outcome) if refused else DriveStatus()
 
 
 def last_drive(participant: Participant, place: JourneyPlace) -> DriveStatus:
-    """Return what questions after driving are about: the last drive of the visit up to a place's
-    round, or nothing.
-    """
+    """Return the drive that questions at a place are about: the last one of its visit and round."""
     drive = _drives(participant).filter(visit=place.visit, round=place.round).first()
-    return _of_drive(drive) if drive is not None else NEVER
+    return _of_drive(drive) if drive is not None else DriveStatus()
 
 
 def _drives(participant: Participant) -> Any:
-    return (
-        Drive.objects.filter(participant=participant)
-        .select_related("session", "session__robot")
-        .order_by("-granted_at")
-    )
+    rows = Drive.objects.filter(participant=participant).order_by("-granted_at")
+    return rows.select_related("session", "session__robot")
 
 
 def _of_drive(drive: Drive) -> DriveStatus:
     session = drive.session
     if session.state != Session.State.ENDED:
         return DriveStatus("living", session)
-    exposed = drive.exposed or session.first_motion_at is not None
-    return DriveStatus(
-        "exposed" if exposed else "unexposed",
-        session,
-        drive.outcome or session.outcome,
-        session.outcome_reason,
-    )
+    moved = drive.moved or session.first_motion_at is not None
+    return DriveStatus("moved" if moved else "unmoved", session, drive.outcome or session.outcome)
 
 
 def _own_sessions(participant: Participant, place: JourneyPlace) -> Any:
-    """Sessions of the participant with a robot of the study since they came to a place."""
+    """Return the sessions of a participant with a robot of the study since they reached a place."""
     began = StepVisit.objects.filter(
         participant=participant, visit=place.visit, round=place.round, step=place.step
     ).values_list("began_at", flat=True)
@@ -92,40 +75,21 @@ def _own_sessions(participant: Participant, place: JourneyPlace) -> Any:
     )
 
 
-def _living(participant: Participant, place: JourneyPlace) -> Session | None:
-    found: Session | None = (
-        _own_sessions(participant, place).exclude(state=Session.State.ENDED).first()
-    )
-    return found
-
-
-def _without_drive(participant: Participant, place: JourneyPlace) -> DriveStatus:
-    session = _own_sessions(participant, place).filter(granted_at=None, drive=None).first()
-    return (
-        DriveStatus("unexposed", session, session.outcome, session.outcome_reason)
-        if session is not None
-        else NEVER
-    )
-
-
-# --- which robot ----------------------------------------------------------------------------------
-
-
 def robots_of(conditions: tuple[Condition, ...]) -> list[Robot]:
-    """Return the robots in use with which one of these conditions can be driven."""
     wanted = {(condition.robot, condition.site) for condition in conditions}
     rows = Robot.objects.filter(enabled=True, practice=False, floor_plan__isnull=False)
     robots = rows.select_related("floor_plan").defer("floor_plan__image").order_by("name")
-    return [robot for robot in robots if (series_of(robot), robot.floor_plan.name) in wanted]
+    return [robot for robot in robots if kind_of(robot) in wanted]
+
+
+def kind_of(robot: Robot) -> tuple[str, str]:
+    """Return a robot's series and site, by which conditions name it; empty where unknown."""
+    return series_of(robot), robot.floor_plan.name if robot.floor_plan is not None else ""
 
 
 def series_of(robot: Robot) -> str:
-    """Return of which series a robot says it is; one that never said anything is of none."""
-    series = (
-        robot.presence.factsheet.get("series")
-        if isinstance(robot.presence.factsheet, dict)
-        else None
-    )
+    factsheet = robot.presence.factsheet
+    series = factsheet.get("series") if isinstance(factsheet, dict) else None
     return series if isinstance(series, str) else ""
 
 
@@ -134,62 +98,55 @@ def robot_for(
 ) -> tuple[Robot | None, tuple[Condition, ...]]:
     """Return the robot that a participant is led to, and the conditions that they may get on it.
 
-    Before the assignment it is of the series that the smallest cell asks for, so that the robot
-    does not decide the cell; of several of its kind the one that is online and where fewest wait.
+    Before the assignment it is of the series that the smallest cell needs, so that the robot does
+    not decide the cell. Of several, it is the one that they already have, else one that is online,
+    with the fewest visitors.
     """
     conditions = progress.open_conditions(participant)
-    series = _series_wanted(participant, conditions, now)
-    fitting = tuple(
-        condition for condition in conditions if (condition.robot, condition.site) == series
-    )
+    kind = _kind_wanted(participant, conditions, now)
+    fitting = tuple(one for one in conditions if (one.robot, one.site) == kind)
     robots = [robot for robot in robots_of(fitting) if robot.shown_to_visitors]
-    own = set(
-        Session.objects.filter(visitor=participant.user, robot__in=robots)
+    living = list(
+        Session.objects.filter(robot__in=robots)
         .exclude(state=Session.State.ENDED)
-        .values_list("robot_id", flat=True)
+        .values_list("robot_id", "visitor_id")
     )
-    busy = [
-        Session.objects.filter(robot=robot).exclude(state=Session.State.ENDED).count()
-        for robot in robots
-    ]
-    ranked = sorted(
-        zip(robots, busy, strict=True),
-        key=lambda pair: (pair[0].pk not in own, not pair[0].is_online(now), pair[1]),
+    own = {robot for robot, visitor in living if visitor == participant.user_id}
+    visitors = Counter(robot for robot, _ in living)
+    best = min(
+        robots,
+        key=lambda robot: (robot.pk not in own, not robot.is_online(now), visitors[robot.pk]),
+        default=None,
     )
-    return (ranked[0][0] if ranked else None), fitting
+    return best, fitting
 
 
 def longest_wait(robots: Iterable[Robot], now: datetime.datetime) -> int:
-    """Return for how many minutes at most a participant who came now would wait for a robot, in
-    full; 0 when there is one to drive at once for each kind (series and site), or none online.
+    """Return the maximal wait for a robot in full minutes, over the kinds (series and site); 0 when
+    each kind has a free one, or none is online.
     """
     online = [robot for robot in robots if robot.shown_to_visitors and robot.is_online(now)]
     sessions, waits = living_sessions(online), dict[tuple[str, str], float]()
     for robot in online:
-        kind = series_of(robot), robot.floor_plan.name
+        kind = kind_of(robot)
         minutes = traffic_at(robot, sessions.get(robot.pk, []), now).minutes or 0.0
         waits[kind] = min(minutes, waits.get(kind, math.inf))
     return math.ceil(max(waits.values(), default=0.0))
 
 
-def _series_wanted(
+def _kind_wanted(
     participant: Participant, conditions: tuple[Condition, ...], now: datetime.datetime
 ) -> tuple[str, str]:
-    definition = participant.study.as_definition()
     kinds = {(condition.robot, condition.site) for condition in conditions}
     if len(kinds) > 1:
-        cells = assignment.cells(
-            definition, "invitation" if participant.access == "invitation" else "open"
-        )
-        held = places.held(participant.study, participant.kind, now)
+        definition = participant.study.as_definition()
         chosen = assignment.choose(
-            cells, held, definition.allocation.quota, participant.pk.int % 2**31
+            assignment.cells(definition, progress.access_of(participant)),
+            places.held(participant.study, participant.kind, now),
+            definition.allocation,
+            participant.pk.int % 2**31,
         )
-        first = (
-            definition.condition(chosen.cell.conditions[participant.round])
-            if chosen is not None
-            else None
-        )
-        if first is not None:
+        key = chosen.cell.conditions[participant.round] if chosen is not None else ""
+        if (first := definition.condition(key)) is not None:
             return first.robot, first.site
     return next(iter(kinds), ("", ""))

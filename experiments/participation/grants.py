@@ -1,15 +1,15 @@
-"""On what terms a participant gets a robot: the condition that they are assigned to, and all that
-it fixes.
+"""The terms on which a participant gets a robot: the assigned condition, and all that it fixes.
 
-Asked by sessions (sessions/leases/terms.py), in whichever process grants the robot, perhaps by two
-of them at once and again after one was killed: every answer is the same as the first. A participant
-is assigned at the first grant, or before: whoever reads instructions that only some conditions have
-is drawn when they come to them, and keeps that cell. Of all others, who never moved the robot gave
-their place back, and is drawn anew.
+Called by sessions (sessions/leases/terms.py) in the process that grants the robot, perhaps by two
+processes at once and again after one was killed: every answer equals the first. Participants are
+assigned at the first grant, or on reaching instructions that only some conditions have. Those who
+were not exposed give up their place and are drawn again, unless they have learned of their
+condition in another way.
 
-Nothing rests on transactions: a draw has a number that no other one of its study has, and the
-places that it was decided on are those that stood there before that number, so that of two who are
-drawn at the same moment one has to look again.
+Assignment does not rely on transactions. A draw is a row with a number that is unique in its study;
+it considers the places of all draws before that number, so that of two participants drawn at once
+the later draw is repeated. A stored draw is decided: any process that finds one which is not yet
+applied writes it into the participant's row.
 """
 
 import datetime
@@ -26,386 +26,338 @@ from accounts import audit
 from accounts.models import User
 from experiments.access import may
 from experiments.definition import conditions, start_condition
-from experiments.definition.course import CourseError
-from experiments.definition.schema import Condition, StudyDefinition
+from experiments.definition.course import CourseError, lay_out
+from experiments.definition.schema import Condition, StudyDefinition, as_stored
 from experiments.definition.step import DriveStep
-from experiments.models import Drive, Participant, ParticipantKind, Study
+from experiments.models import Draw, Drive, Participant, ParticipantKind, Study
 from experiments.participation import assignment, places, progress
-from experiments.participation.assignment import AssignmentChoice, Cell, Held
-from experiments.participation.drive_status import driven, series_of
-from experiments.participation.layout import laid_out
-from experiments.participation.robot_eligibility import is_lent
+from experiments.participation.assignment import Cell
+from experiments.participation.drive_status import kind_of, status_at
+from experiments.participation.robot_eligibility import may_use
+from experiments.versions import versions_of
 from robots.access import may_operate
-from robots.api.floorplan import DoorState
+from robots.api import floorplan
 from robots.api.geometry import Pose2D
 from robots.models import Robot
 from sessions.leases.terms import NotGranted, Terms
 from sessions.models import Session
 from surveys.documents import spoken
+from surveys.models import Answer
 
 log = structlog.stdlib.get_logger(__name__)
 
 GRACE_SECONDS = 120.0
 # to connect, and to see the end: a turn is never over before the time limit of the task
 SLACK_SECONDS = 180.0
-# after which a robot's last state does not say any more how it stands; states are written every two
-SAID_SECONDS = 5.0
-ATTEMPTS = 200  # every failed one means that somebody else was assigned meanwhile
+MAX_REPORT_AGE_S = 5.0  # of a robot's last state; states are written every two seconds
+ATTEMPTS = 200  # each failed one means that another participant was assigned at the same time
 
 
 class AssignmentContention(RuntimeError):
-    """Somebody else was assigned under every attempt."""
+    """Another participant was assigned during every attempt."""
 
 
 @dataclass(frozen=True)
-class Standing:
-    """A participant who is to drive a robot now, and what may await them on it."""
+class PendingDrive:
+    """A participant's current step, with a robot that fits; `assigned` is None without a place."""
 
     participant: Participant
     definition: StudyDefinition
     step: DriveStep
     robot: Robot
-
-    @property
-    def assigned(self) -> Condition | None:
-        """The condition of this round, if it is assigned already."""
-        return assigned(self.participant, self.definition)
+    assigned: Condition | None
 
     @property
     def cells(self) -> list[Cell]:
-        """The cells that they may be assigned to on this robot."""
-        access: assignment.Access = (
-            "invitation" if self.participant.access == "invitation" else "open"
-        )
-        number = self.participant.round
+        access, number = progress.access_of(self.participant), self.participant.round
         offered = []
         for cell in assignment.cells(self.definition, access):
-            condition = (
-                self.definition.condition(cell.conditions[number])
-                if number < len(cell.conditions)
-                else None
-            )
+            key = cell.conditions[number] if number < len(cell.conditions) else ""
+            condition = self.definition.condition(key)
             if condition is not None and is_for(condition, self.robot):
                 offered.append(cell)
         return offered
+
+    def why_not(self, now: datetime.datetime) -> str:
+        one = self.participant
+        if not progress.may_begin_drive(one, now):
+            return "closed"
+        free = self.assigned or places.free_cells(one.study, one.kind, self.cells, now)
+        if not free:
+            return "full"
+        has_moved = status_at(one, progress.place(one)).state == "moved"
+        return "not_allowed" if has_moved else ""
 
 
 class StudyTerms:
     """The provider of terms (sessions.leases.terms.Provider) for participants of studies."""
 
     def why_not(self, user: User, robot: Robot, now: datetime.datetime) -> str:
-        """Return `closed`, `full`, `not_allowed` for a participant who may not drive now,
-        `reserved` for who is none; empty for all others.
+        """Return `closed`, `full` or `not_allowed` for a participant who may not drive now,
+        `reserved` for other visitors while a study has the robot; empty for all others.
         """
-        standing = standing_of(user, robot)
-        if standing is None:
-            return "reserved" if _is_reserved(robot, now) and not may_operate(user, robot) else ""
-        return _why_not(standing, now)
+        drive = pending_drive(user, robot)
+        if drive is not None:
+            return drive.why_not(now)
+        return "reserved" if _is_reserved(robot, now) and not may_operate(user, robot) else ""
 
     def not_ready(self, user: User, robot: Robot, now: datetime.datetime) -> str:
-        """Return what of the study's start condition (definition/start_condition.py) does not hold;
-        empty for a visitor without a study.
-        """
-        standing = standing_of(user, robot)
-        return _unmet(standing, now) if standing is not None else ""
+        """Return the unmet part of the start condition (definition/start_condition.py)."""
+        drive = pending_drive(user, robot)
+        return _unmet(drive, now) if drive is not None else ""
 
     def granted(self, session: Session, now: datetime.datetime) -> Terms | None:
         """Assign the participant, make their drive, and return the terms of the condition; None for
-        who drives for themselves.
+        a visitor without a study.
 
         Raises:
             NotGranted: there is no place for them, or no course.
         """
-        drive = Drive.objects.filter(session=session).first()
-        if drive is not None:
-            return msgspec.convert(drive.assigned["terms"], Terms)
-        standing = standing_of(session.visitor, session.robot)
-        if standing is None:
+        made = Drive.objects.filter(session=session).first()
+        if made is not None:
+            return msgspec.convert(made.assigned["terms"], Terms)
+        drive = pending_drive(session.visitor, session.robot)
+        if drive is None:
             return None
-        condition = standing.assigned or assign(standing, now)
+        condition = draw(drive.participant, drive.cells, now)
         if condition is None:
             raise NotGranted("full")
         if not is_for(condition, session.robot):
             raise NotGranted("not_allowed")
-        return _begin(standing, condition, session, now)
+        return _begin(drive, condition, session, now)
 
     def claims(self, user: User, robot: Robot) -> bool:
-        """Tell whether somebody is to drive a robot for a study now."""
-        return standing_of(user, robot) is not None
+        return pending_drive(user, robot) is not None
 
     def may_watch(self, user: User, session: str) -> bool:
-        """Tell whether somebody is of the staff of a drive's study: its owners and researchers, but
-        not its viewers, who see pseudonymous data alone.
-        """
         slug = Drive.objects.filter(session=session).values_list("participant__study__slug").first()
         return slug is not None and may(user, slug[0], "researcher")
 
     def shown(self, session: str) -> dict[str, Any]:
-        """Return what the page shows of the task of a session."""
         row = Drive.objects.filter(session=session).values_list("shown", flat=True).first()
         return row or {}
 
 
-# --- who stands where -----------------------------------------------------------------------------
-
-
 def is_for(condition: Condition, robot: Robot) -> bool:
-    """Tell whether a condition is driven with a robot, where it is."""
     return (
         not robot.practice
-        and condition.robot == series_of(robot)
         and robot.floor_plan is not None
-        and condition.site == robot.floor_plan.name
+        and kind_of(robot) == (condition.robot, condition.site)
     )
 
 
-def standing_of(user: User, robot: Robot) -> Standing | None:
-    """Return in which study somebody is to drive a robot now: where they were seen last; None when
-    in none.
-    """
-    return _participation_by_robot(user, [robot]).get(robot.pk)
+def pending_drive(user: User, robot: Robot) -> PendingDrive | None:
+    """Return the drive for which a user may take a robot, in the study seen last."""
+    return _pending_drives(user, [robot]).get(robot.pk)
 
 
 def claimed(user: User, robots: Sequence[Robot]) -> list[Robot]:
-    """Return those robots that somebody is to drive for a study now."""
-    return [standing.robot for standing in _participation_by_robot(user, robots).values()]
+    return [drive.robot for drive in _pending_drives(user, robots).values()]
 
 
-def _participation_by_robot(user: User, robots: Sequence[Robot]) -> dict[Any, Standing]:
-    found: dict[Any, Standing] = {}
-    for participant in (
-        progress.of_user(user).filter(status=Participant.Status.ACTIVE).order_by("-seen_at")
-    ):
-        if (
-            participant.study.status == Study.Status.DRAFT
-            and participant.kind == ParticipantKind.PARTICIPANT
-        ):
-            continue
+def _pending_drives(user: User, robots: Sequence[Robot]) -> dict[Any, PendingDrive]:
+    found: dict[Any, PendingDrive] = {}
+    active = progress.of_user(user).filter(status=Participant.Status.ACTIVE)
+    no_draft = active.exclude(study__status=Study.Status.DRAFT, kind=ParticipantKind.PARTICIPANT)
+    for participant in no_draft.order_by("-seen_at"):
         definition = participant.study.as_definition()
         step = definition.drive(participant.step)
         if step is None:
             continue
-        condition = assigned(participant, definition)
+        condition = progress.wanted_condition(participant, definition)
         for robot in robots:
-            standing = Standing(participant, definition, step, robot)
-            if is_for(condition, robot) if condition is not None else standing.cells:
-                found.setdefault(robot.pk, standing)
+            drive = PendingDrive(participant, definition, step, robot, condition)
+            if is_for(condition, robot) if condition is not None else drive.cells:
+                found.setdefault(robot.pk, drive)
     return found
 
 
 def invited_to(user: User, robots: Sequence[Robot]) -> list[Robot]:
-    """Return those robots that a study has invited somebody to drive now
-    (robots.access.register_guest_list).
-
-    Asked of every visitor for the robots by invitation that are shown: whom nobody invited costs
-    one look that reads no study.
+    """Return the robots that a study has invited the user to drive now
+    (robots.access.register_guest_list). For the many visitors without an invitation it costs one
+    query, and reads no study.
     """
-    if (
-        not progress.of_user(user)
-        .filter(status=Participant.Status.ACTIVE, access="invitation")
-        .exists()
-    ):
+    own = progress.of_user(user).filter(status=Participant.Status.ACTIVE, access="invitation")
+    if not own.exists():
         return []
     return [
-        standing.robot
-        for standing in _participation_by_robot(user, robots).values()
-        if standing.participant.access == "invitation"
-        and is_lent(standing.robot, standing.definition.slug)
+        drive.robot
+        for drive in _pending_drives(user, robots).values()
+        if drive.participant.access == "invitation" and may_use(drive.definition.slug, drive.robot)
     ]
 
 
-def _why_not(standing: Standing, now: datetime.datetime) -> str:
-    participant = standing.participant
-    if not progress.is_open(participant.study, now):
-        return "closed"
-    if (
-        standing.assigned is None
-        and _choose(standing.cells, _held(participant, now), standing.definition, 0) is None
-    ):
-        return "full"
-    return (
-        "not_allowed"
-        if driven(participant, progress.place(participant)).standing == "exposed"
-        else ""
-    )
-
-
-def _unmet(standing: Standing, now: datetime.datetime) -> str:
-    robot = (
-        Robot.objects.select_related("floor_plan")
-        .defer("floor_plan__image")
-        .get(pk=standing.robot.pk)
-    )
-    plan = robot.floor_plan.plan if robot.floor_plan is not None else {}
-    courses = (
-        one
-        for one in standing.definition.courses
-        if robot.floor_plan and (one.robot, one.site) == (series_of(robot), robot.floor_plan.name)
-    )
+def _unmet(drive: PendingDrive, now: datetime.datetime) -> str:
+    robots = Robot.objects.select_related("floor_plan").defer("floor_plan__image")
+    robot = robots.get(pk=drive.robot.pk)
+    if robot.floor_plan is None:
+        return ""
+    kind, definition = kind_of(robot), drive.definition
+    courses = (one for one in definition.courses if (one.robot, one.site) == kind)
     course = next(courses, None)
     docks = [
         dock
-        for dock in plan.get("docks", ())
+        for dock in robot.floor_plan.plan.get("docks", ())
         if course and dock["type"] == course.robot and course.dock in {"", dock["name"]}
     ]
     if len(docks) != 1:
-        return ""  # no course is laid out there: the grant says so
-    dock = Pose2D(docks[0]["x"], docks[0]["y"], docks[0].get("theta", 0.0))
-    return start_condition.unmet(standing.definition.start, said_lately(robot, now), dock)
+        return ""  # the site has no course, which is the reason that the grant gives
+    pose = Pose2D(docks[0]["x"], docks[0]["y"], docks[0].get("theta", 0.0))
+    return start_condition.unmet(definition.start, _fresh_snapshot(robot, now), pose)
 
 
-def said_lately(robot: Robot, now: datetime.datetime) -> start_condition.RobotSnapshot | None:
-    """Return how a robot stands as it last said; None when that is some seconds old, or from a run
-    of its agent that is over.
-    """
-    fresh = (
-        robot.presence.last_seen_at is not None
-        and (now - robot.presence.last_seen_at).total_seconds() <= SAID_SECONDS
-    )
-    report = robot.presence.report or {}
-    return (
-        start_condition.snapshot(report)
-        if fresh and report and report.get("boot", "") == robot.presence.boot
-        else None
-    )
+def _fresh_snapshot(robot: Robot, now: datetime.datetime) -> start_condition.RobotSnapshot | None:
+    """Return a robot's reported state; None when that is old, or of an earlier run of its agent."""
+    presence = robot.presence
+    report, seen_at = presence.report or {}, presence.last_seen_at
+    is_fresh = seen_at is not None and (now - seen_at).total_seconds() <= MAX_REPORT_AGE_S
+    is_current = bool(report) and report.get("boot", "") == presence.boot
+    return start_condition.snapshot(report) if is_fresh and is_current else None
 
 
 def _is_reserved(robot: Robot, now: datetime.datetime) -> bool:
-    """Tell whether a study that is open now keeps the robot to its participants."""
+    """Tell whether a study that is open now has exclusive use of the robot."""
     exclusive = Study.objects.filter(status=Study.Status.PUBLISHED, exclusive=True)
     return any(
         progress.is_open(study, now)
         and any(is_for(condition, robot) for condition in study.as_definition().conditions)
-        and is_lent(robot, study.slug)
+        and may_use(study.slug, robot)
         for study in exclusive
     )
-
-
-# --- assignment -----------------------------------------------------------------------------------
-
-
-def assign(standing: Standing, now: datetime.datetime) -> Condition | None:
-    """Draw the cell of a participant, unless they have one, and return the condition of their
-    round; None when every cell is full.
-
-    Raises:
-        AssignmentContention: somebody else was assigned under every attempt.
-    """
-    return draw(standing.participant, standing.cells, now)
-
-
-def assigned(participant: Participant, definition: StudyDefinition) -> Condition | None:
-    """Return the condition of a participant's round, if it is assigned already."""
-    if not progress.has_place(participant):
-        return None
-    return progress.wanted_condition(participant, definition)
 
 
 def draw(
     participant: Participant, cells: Sequence[Cell], now: datetime.datetime
 ) -> Condition | None:
-    """Draw the cell of a participant among some, unless they have one, and return the condition of
-    their round; None when every cell is full.
-
-    Raises:
-        AssignmentContention: somebody else was assigned under every attempt.
+    """Draw one of these cells for a participant, unless they have one, and return the condition of
+    their round; None when every cell is full, AssignmentContention when other participants are
+    drawn during every attempt.
     """
     definition = participant.study.as_definition()
     for _ in range(ATTEMPTS):
-        if (condition := assigned(participant, definition)) is not None:
+        if (condition := progress.wanted_condition(participant, definition)) is not None:
             return condition
-        held = _held(participant, now)
-        chosen = _choose(cells, held, definition, secrets.randbits(31))
-        if chosen is None:
+        # a draw that another process has decided and not yet applied
+        decided = participant.draws.filter(nth=participant.draws_applied + 1).first()
+        try:
+            # PostgreSQL: without it the error would abort the transaction of a caller
+            with transaction.atomic():
+                drawn = decided or _new_draw(participant, cells, now)
+        except IntegrityError:  # another process took the number, or drew for this participant
+            continue
+        if drawn is None:
             return None
-        if _store(participant, chosen, 1 + max((number for number, _ in held), default=0), now):
-            log.info("participant_assigned", study=participant.study_id, cell=chosen.cell.key)
+        _apply(participant, drawn)
         participant.refresh_from_db()
     raise AssignmentContention(participant.study.slug)
 
 
 def assign_reader(participant: Participant, now: datetime.datetime) -> Condition | None:
-    """Draw the cell of a participant who is about to read what only some conditions say: among all
-    that are open to them.
-    """
     definition = participant.study.as_definition()
     cells = assignment.cells(definition, progress.access_of(participant))
     return draw(participant, cells, now)
 
 
-def _held(participant: Participant, now: datetime.datetime) -> list[tuple[int, Held]]:
-    """Return (number of the draw, place) of everybody of the study and kind who was ever
-    assigned.
-    """
-    return places.numbered(participant.study, participant.kind, now)
-
-
-def _choose(
-    cells: Sequence[Cell], held: list[tuple[int, Held]], definition: StudyDefinition, seed: int
-) -> AssignmentChoice | None:
-    return assignment.choose(cells, [place for _, place in held], definition.allocation.quota, seed)
-
-
-def _store(
-    participant: Participant, chosen: AssignmentChoice, number: int, now: datetime.datetime
-) -> bool:
-    """Write a draw down if its number is still free and nobody else, in another process, has drawn
-    for the same participant.
-    """
-    before = Participant.objects.filter(
-        pk=participant.pk, stage=participant.stage, drawn_as=participant.drawn_as
+def _new_draw(
+    participant: Participant, cells: Sequence[Cell], now: datetime.datetime
+) -> Draw | None:
+    study, kind = participant.study, participant.kind
+    allocation = study.as_definition().allocation
+    number, levels = places.next_number(study, kind), balance_levels(participant)
+    held, seed = places.held(study, kind, now), secrets.randbits(31)
+    chosen = assignment.choose(cells, held, allocation, seed, levels)
+    if chosen is None:
+        return None
+    nth = participant.draws_applied + 1
+    made: Draw = participant.draws.create(
+        study=study,
+        kind=kind,
+        number=number,
+        nth=nth,
+        reason=Draw.DrawReason.FIRST if nth == 1 else Draw.DrawReason.AGAIN,
+        cell=chosen.cell.key,
+        best=list(chosen.best),
+        counts=chosen.counts,
+        scores=chosen.scores,
+        levels=levels,
+        best_probability=allocation.best_probability,
+        seed=chosen.seed,
+        at=now,
     )
-    try:
-        # only so that PostgreSQL survives the refusal within a caller's transaction
-        with transaction.atomic():
-            return bool(
-                before.update(
-                    cell=chosen.cell.key,
-                    conditions=list(chosen.cell.conditions),
-                    candidates=list(chosen.candidates),
-                    draw_seed=chosen.seed,
-                    drawn_as=f"{participant.study_id}:{participant.kind}:{number}",
-                    assigned_at=now,
-                    stage=Participant.Stage.UNDER_WAY,
-                )
+    log.info("participant_assigned", study=study.pk, cell=made.cell, reason=made.reason)
+    return made
+
+
+def _apply(participant: Participant, drawn: Draw) -> None:
+    """Write a draw into the participant's row, if no other process has."""
+    study = participant.study.as_definition()
+    cells = (*assignment.cells(study), *assignment.cells(study, "invitation"))
+    order = next(cell.conditions for cell in cells if cell.key == drawn.cell)
+    Participant.objects.filter(
+        pk=participant.pk,
+        draws_applied=drawn.nth - 1,
+        stage__in=(Participant.Stage.UNASSIGNED, Participant.Stage.FREED),
+    ).update(
+        cell=drawn.cell,
+        conditions=list(order),
+        draws_applied=drawn.nth,
+        stage=Participant.Stage.UNDER_WAY,
+    )
+
+
+def balance_levels(participant: Participant) -> dict[str, str]:
+    """Return a participant's level of each balance factor of the study; empty without an answer."""
+    found = {}
+    for factor in participant.study.as_definition().allocation.balance:
+        questionnaire, _point, item = factor.item.rpartition(".")
+        value = participant.age
+        if questionnaire:
+            answers = Answer.objects.filter(
+                response__asked_at__participant=participant,
+                response__questionnaire__slug=questionnaire,
+                item=item,
             )
-    except IntegrityError:
-        return False
-
-
-# --- the drive ------------------------------------------------------------------------------------
+            newest = answers.order_by("-response__started_at")
+            value = newest.values_list("value", flat=True).first()
+        found[factor.item] = assignment.level_of(factor, value)
+    return found
 
 
 def _begin(
-    standing: Standing, condition: Condition, session: Session, now: datetime.datetime
+    drive: PendingDrive, condition: Condition, session: Session, now: datetime.datetime
 ) -> Terms:
-    participant, definition, seed = standing.participant, standing.definition, secrets.randbits(31)
-    terms = terms_of(standing, condition, session.robot, seed)
+    participant, definition, seed = drive.participant, drive.definition, secrets.randbits(31)
+    terms = terms_of(drive, condition, session.robot, seed)
     assigned = {
-        "condition": msgspec.to_builtins(condition),
+        "condition": as_stored(condition),
         "terms": msgspec.to_builtins(terms),
         "track": None,
-        "start": msgspec.to_builtins(definition.start),
+        "start": as_stored(definition.start),
     }
-    if not standing.step.is_practice:
+    if not drive.step.is_practice:
         try:
-            assigned["track"] = laid_out(definition, condition, session.robot)
+            assigned["track"] = _track(definition, condition, session.robot)
         except CourseError as error:
             log.error("study_without_course", study=definition.slug, reason=str(error))
             raise NotGranted("not_allowed") from error
-    here = {"step": participant.step, "visit": participant.visit, "round": participant.round}
-    number = 1 + Drive.objects.filter(participant=participant, step=participant.step).count()
-    fields = {
-        **here,
-        "participant": participant,
-        "number": number,
-        "condition": condition.key,
-        "seed": seed,
-        "assigned": assigned,
-    }
+    before = Drive.objects.filter(participant=participant, step=participant.step).count()
     try:
-        with transaction.atomic():  # as above
-            Drive.objects.create(session=session, granted_at=now, **fields)
+        with transaction.atomic():  # as in draw
+            Drive.objects.create(
+                session=session,
+                granted_at=now,
+                participant=participant,
+                visit=participant.visit,
+                round=participant.round,
+                step=participant.step,
+                number=before + 1,
+                condition=condition.key,
+                seed=seed,
+                assigned=assigned,
+                versions=versions_of(
+                    session.robot.presence.factsheet or {}, participant.study.sha256
+                ),
+            )
     except IntegrityError as error:  # another process has made it at the same moment
         made = Drive.objects.filter(session=session).first()
         if made is None:  # or the participant has withdrawn
@@ -424,19 +376,30 @@ def _begin(
     return terms
 
 
-def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) -> Terms:
-    """Return what a condition fixes for a drive; `seed` is that of its network's chance."""
-    participant, step = standing.participant, standing.step
-    wizard = None if step.is_practice else standing.definition.wizard_of(condition.key)
+def _track(study: StudyDefinition, condition: Condition, robot: Robot) -> dict[str, Any]:
+    """Return the course as laid out now, for `Drive.assigned`; a CourseError when the robot's site
+    has no plan, or not the one that the course needs.
+    """
+    if robot.floor_plan is None or not robot.floor_plan.plan:
+        raise CourseError(f"{robot.name} has no floor plan of its site")
+    try:
+        plan = floorplan.decode(msgspec.json.encode(robot.floor_plan.plan))
+    except floorplan.FloorPlanError as error:
+        raise CourseError(f"the floor plan of {robot.floor_plan.name} cannot be read") from error
+    track: dict[str, Any] = msgspec.to_builtins(lay_out(study, condition, plan))
+    return track
+
+
+def terms_of(drive: PendingDrive, condition: Condition, robot: Robot, seed: int) -> Terms:
+    """Return the terms that a condition fixes; `seed` is that of its simulated network."""
+    definition, step = drive.definition, drive.step
+    wizard = None if step.is_practice else definition.wizard_of(condition.key)
     if wizard is not None:
         condition = conditions.without_driving(condition)
-    limits, config = (
-        conditions.lease_limits(condition),
-        conditions.config(condition, _doors(robot), stamp=0.0, seed=seed),
-    )
-    doors: dict[str, DoorState] = dict(config.doors)
+    limits = conditions.lease_limits(condition)
+    config = conditions.config(condition, _doors(robot), stamp=0.0, seed=seed)
     return Terms(
-        label=spoken(step.title, participant.language),
+        label=spoken(step.title, drive.participant.language),
         driver="visitor" if wizard is None else "wizard",
         linear=limits.linear,
         angular=limits.angular,
@@ -448,14 +411,14 @@ def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) 
         turn_seconds=step.minutes * 60.0 + SLACK_SECONDS,
         grace_seconds=GRACE_SECONDS,
         idle_seconds=condition.idle_seconds or 0.0,
-        doors=doors,
+        doors=dict(config.doors),
         control_network=config.control_network,
         video_network=config.video_network,
         leaving_completes=step.is_practice,
-        private=not standing.definition.observers_allowed,
+        private=not definition.observers_allowed,
         study={
-            "slug": standing.definition.slug,
-            "version": standing.definition.version,
+            "slug": definition.slug,
+            "version": definition.version,
             "condition": condition.key,
             "step": step.key,
         },
@@ -463,12 +426,7 @@ def terms_of(standing: Standing, condition: Condition, robot: Robot, seed: int) 
 
 
 def _doors(robot: Robot) -> list[str]:
-    """Return the doors that the server can move: those of a simulated site. A real door is
-    somebody's to close.
-    """
-    movable = "doors" in (robot.presence.factsheet or {}).get("capabilities", ())
-    return (
-        [door["name"] for door in robot.floor_plan.plan.get("doors", ())]
-        if movable and robot.floor_plan
-        else []
-    )
+    """Return the doors that the server can move: those of a simulated site."""
+    if "doors" not in (robot.presence.factsheet or {}).get("capabilities", ()):
+        return []
+    return [door["name"] for door in robot.floor_plan.plan.get("doors", ())]

@@ -1,16 +1,16 @@
-"""The way through a study: which step follows which, round by round, and where a visit begins.
+"""The route through a study: which step follows which, round by round, and where a visit begins.
 
-A *visit* is one time of taking part. Steps that are repeated stand together and are gone through
-once for each condition: a *round* each, counted from 0. The steps before them belong to the first
-round, those behind them to the last.
+A *visit* is one time of taking part. Steps that are repeated are adjacent and done once for each
+condition: a *round* each, counted from 0. The steps before them belong to the first round, those
+after them to the last.
 
-Pure: the study and a place come in, a place goes out. What is stored is the place alone, and it is
-changed only by comparing it with what was seen (experiments/participation/progress.py), so that a
-reload, the back button or a second tab can do nothing twice.
+Pure. Only the place is stored, and changed only if it is still the one that was read
+(experiments/participation/advance.py), so that a reload, the back button or a second tab does
+nothing twice.
 """
 
 import re
-from collections.abc import Collection, Iterator
+from collections.abc import Collection
 from dataclasses import dataclass
 
 from experiments.definition.schema import StudyDefinition
@@ -26,7 +26,7 @@ class NoPlaceError(ValueError):
 
 @dataclass(frozen=True)
 class JourneyPlace:
-    """Where a participant stands; `visit` counts from 1, `round` from 0."""
+    """Where a participant is; `visit` counts from 1, `round` from 0."""
 
     visit: int
     round: int
@@ -34,16 +34,15 @@ class JourneyPlace:
 
     @property
     def word(self) -> str:
-        """The place as pages send it back."""
+        """The form in which pages send the place back."""
         return f"{self.visit}.{self.round}.{self.step}"
 
 
-def step_at(study: StudyDefinition, place: JourneyPlace) -> Step:
-    """Return the step at a place.
+Route = tuple[JourneyPlace, ...]
 
-    Raises:
-        NoPlaceError: the study has no such step.
-    """
+
+def step_at(study: StudyDefinition, place: JourneyPlace) -> Step:
+    """Return the step at a place; a NoPlaceError when the study has none."""
     found = study.step(place.step)
     if found is None:
         raise NoPlaceError(place.word)
@@ -51,70 +50,59 @@ def step_at(study: StudyDefinition, place: JourneyPlace) -> Step:
 
 
 def rounds(study: StudyDefinition, access: Access) -> int:
-    """Return how many conditions somebody who came that way goes through; at least 1, so that every
-    step is passed.
-    """
+    """Return how many conditions a participant does; at least 1, so that every step is passed."""
     return max((len(cell.conditions) for cell in cells(study, access)), default=1)
 
 
-def route(study: StudyDefinition, number_of_rounds: int, visit: int) -> tuple[JourneyPlace, ...]:
-    """Return all places of a visit in order, whether or not some are skipped."""
-    return tuple(
-        JourneyPlace(visit, number, key) for number, key in _stations(study, number_of_rounds)
-    )
-
-
-def _stations(study: StudyDefinition, number_of_rounds: int) -> Iterator[tuple[int, str]]:
+def route(study: StudyDefinition, number_of_rounds: int, visit: int) -> Route:
+    """Return all places of a visit in order, also those that are skipped."""
+    keys = [step.key for step in study.steps]
     repeated = [index for index, step in enumerate(study.steps) if step.repeat]
-    first, behind = (
-        (repeated[0], repeated[-1] + 1) if repeated else (len(study.steps), len(study.steps))
+    first, after = (repeated[0], repeated[-1] + 1) if repeated else (len(keys), len(keys))
+    last_round = number_of_rounds - 1 if repeated else 0
+    return (
+        *(JourneyPlace(visit, 0, key) for key in keys[:first]),
+        *(
+            JourneyPlace(visit, n, key)
+            for n in range(number_of_rounds)
+            for key in keys[first:after]
+        ),
+        *(JourneyPlace(visit, last_round, key) for key in keys[after:]),
     )
-    last = number_of_rounds - 1 if repeated else 0
-    yield from ((0, step.key) for step in study.steps[:first])
-    for number in range(number_of_rounds):
-        yield from ((number, step.key) for step in study.steps[first:behind])
-    yield from ((last, step.key) for step in study.steps[behind:])
 
 
-def begin(way: tuple[JourneyPlace, ...], skipped: Collection[str] = ()) -> JourneyPlace:
-    """Return where a visit begins: at its first step that is not skipped."""
-    return next((place for place in way if place.step not in skipped), way[-1])
+def begin(places: Route, skipped: Collection[str] = ()) -> JourneyPlace:
+    return next((place for place in places if place.step not in skipped), places[-1])
 
 
-def coming(
-    way: tuple[JourneyPlace, ...], place: JourneyPlace, skipped: Collection[str] = ()
+def following(
+    places: Route, place: JourneyPlace, skipped: Collection[str] = ()
 ) -> list[JourneyPlace]:
-    """Return the places that follow one; none when it was the last.
-
-    Raises:
-        NoPlaceError: the place is not on the way.
+    """Return the places that follow one, none when it was the last; a NoPlaceError for one that is
+    not on the route.
     """
-    if place not in way:
+    if place not in places:
         raise NoPlaceError(place.word)
-    return [later for later in way[way.index(place) + 1 :] if later.step not in skipped]
+    return [later for later in places[places.index(place) + 1 :] if later.step not in skipped]
 
 
-def read(word: str, way: tuple[JourneyPlace, ...]) -> JourneyPlace:
-    """Return the place that a page sent back.
-
-    Raises:
-        NoPlaceError: it is none of this visit's, or of the ones before.
+def read(word: str, places: Route) -> JourneyPlace:
+    """Return the place that a page sent back; a NoPlaceError for one that is none of this visit or
+    an earlier one.
     """
     match = _WORD.match(word)
     if match is None:
         raise NoPlaceError(word[:80])
     place = JourneyPlace(int(match[1]), int(match[2]), match[3])
-    visit = way[0].visit
-    if place.visit > visit or JourneyPlace(visit, place.round, place.step) not in way:
+    visit = places[0].visit
+    if place.visit > visit or JourneyPlace(visit, place.round, place.step) not in places:
         raise NoPlaceError(word[:80])
     return place
 
 
 def share_done(
-    way: tuple[JourneyPlace, ...], place: JourneyPlace, skipped: Collection[str] = ()
+    places: Route, place: JourneyPlace, skipped: Collection[str] = ()
 ) -> tuple[int, int]:
-    """Return the number of a place, from 1, and how many there are, without the steps that this
-    visit skips: "step 2 of 6".
-    """
-    passed = [one for one in way if one == place or one.step not in skipped]
+    """Return (number, total) of a place, without steps that this visit skips: "step 2 of 6"."""
+    passed = [one for one in places if one == place or one.step not in skipped]
     return (passed.index(place) + 1 if place in passed else 1), len(passed)

@@ -1,11 +1,8 @@
-"""Whether a robot that has an owner is at a study's disposal: because somebody who may operate it
-has published the study.
+"""Whether a study may use a robot that has an owner.
 
-A study says only with what kind of robot, and where, it is driven; anybody who builds one could
-write that of anybody's robot. So its invitations open a robot, its participants have a robot to
-themselves, and its researchers see and hold one, only as long as whoever published it may operate
-the robot; who takes the permit away takes the robot back. Robots without an owner are the site's,
-for all studies.
+A definition names only a series and a site, so anyone could write one for someone else's robot.
+A study may therefore use a robot (for its invitations, exclusively, and for its researchers) only
+while one of its publishers may operate the robot. Robots without an owner are for all studies.
 """
 
 from accounts.models import User
@@ -14,8 +11,8 @@ from robots.access import oversees
 from robots.models import Robot, RobotPermit
 
 
-def is_lent(robot: Robot, slug: str) -> bool:
-    """Tell whether a study, in any version that was published, has a robot at its disposal."""
+def may_use(slug: str, robot: Robot) -> bool:
+    """Tell whether a study, in any published version, may use a robot."""
     if robot.owner_id is None:
         return True
     found = (
@@ -26,14 +23,14 @@ def is_lent(robot: Robot, slug: str) -> bool:
     )
     publishers = [user for user in found if not user.is_guest]
     operators = robot.permits.filter(kind=RobotPermit.Privilege.OPERATOR, user__in=publishers)
-    return any(user.pk == robot.owner_id for user in publishers) or (
-        operators.exists() or any(oversees(user) for user in publishers)
+    return (
+        any(user.pk == robot.owner_id for user in publishers)
+        or operators.exists()
+        or any(oversees(user) for user in publishers)
     )
 
 
-def is_shown(robot: Robot, slug: str) -> bool:
-    """Tell whether a study's researchers may see where a robot is and how it does: also that of a
-    robot which is open to everybody.
-    """
+def may_see(slug: str, robot: Robot) -> bool:
+    """Tell whether a study's researchers may see where a robot is and its state."""
     is_open = robot.shown_to_visitors and robot.access == Robot.Access.OPEN
-    return (robot.enabled and is_open) or is_lent(robot, slug)
+    return (robot.enabled and is_open) or may_use(slug, robot)

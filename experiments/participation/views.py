@@ -1,25 +1,21 @@
-"""The doors of a study: its front page, personal links, and a participant's own data."""
+"""Entry pages of a study: its front page, a participant's code, and personal links."""
 
 import datetime
 import time
 from typing import Any
 
+from django import forms
 from django.conf import settings
-from django.contrib import messages
-from django.contrib.auth import logout
-from django.contrib.auth.decorators import login_required
-from django.contrib.auth.views import redirect_to_login
-from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, JsonResponse
-from django.shortcuts import get_object_or_404, redirect, render
+from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase
+from django.shortcuts import redirect, render
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.http import urlencode
-from django.utils.translation import get_language
+from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
-from django.views.decorators.http import require_http_methods, require_POST, require_safe
+from django.views.decorators.http import require_http_methods
 
-from accounts import audit
 from accounts.attempts import Attempts, address_of
 from accounts.models import User
 from accounts.passwordless import (
@@ -31,80 +27,93 @@ from accounts.passwordless import (
     sign_in,
 )
 from accounts.rate_limits import limited, too_many
-from experiments.models import ConsentReceipt, Participant, ParticipantKind, PersonalLink, Study
-from experiments.participation import (
-    advance,
-    consent,
-    landing,
-    links,
-    own_data,
-    progress,
-)
-from experiments.participation.forms import EntryCodeForm
-from experiments.participation.withdrawal import leaving
-from experiments.participation.withdrawal.views import leave
+from experiments.models import Participant, ParticipantKind, PersonalLink, Study
+from experiments.participation import advance, landing, links, progress
+from experiments.recruitment import recognition, screening
+from sessions.devices import device_of
 
 # in the browser's session: the parameters of recruitment links, by study
 CAME_WITH = "studies_came_with"
-GONE, FORBIDDEN, BAD, WRONG = 410, 403, 400, 422
-LINKS, OWN_DATA = Attempts("study-link", limit=30), Attempts("own-data", limit=10)
-NEW_CODES = Attempts("new-codes", limit=5, seconds=300)
+GONE, BAD, WRONG = 410, 400, 422
+LINKS = Attempts("study-link", limit=30)
 
 
-def study_or_404(request: HttpRequest, slug: str) -> Study:
-    """Return the version of a study that whoever asks gets to see.
-
-    Raises:
-        Http404: there is none for them, as if there were none at all.
-    """
-    study = progress.study_for(request.user, slug)
-    if study is None:
-        raise Http404
-    return study
-
-
-# --- the front page -------------------------------------------------------------------------------
+class EntryCodeForm(forms.Form):
+    code = forms.CharField(
+        label=gettext_lazy("Your code"),
+        max_length=40,
+        widget=forms.TextInput(
+            attrs={"autocomplete": "off", "autocapitalize": "characters", "spellcheck": "false"}
+        ),
+    )
 
 
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def front(request: HttpRequest, slug: str) -> HttpResponseBase:
-    """Show what a study is and how to take part; a POST takes part, the first time or again."""
-    study, now = study_or_404(request, slug), timezone.now()
-    own = progress.found(study, request.user)
+    study, now = progress.study_for(request.user, slug), timezone.now()
+    if study is None:
+        raise Http404
+    given = _parameters(request, slug)
+    came, own = recognition.arrival_of(study, given), progress.found(study, request.user)
+    known = None
+    if own is not None and request.user.is_guest and recognition.is_someone_else(own, came):
+        own = None  # the next person at the same device
     if own is None:
-        _keep_parameters(request, slug)
-    page = landing.landing(study, request.user, own, language=get_language() or "", now=now)
-    if request.method != "POST":
-        return render(
-            request,
-            "experiments/landing.html",
-            {
-                "study": study,
-                "page": page,
-                "own": own,
-                "sign_up": _sign_up(request),
-                "code_form": EntryCodeForm(),
-            },
-        )
-    return _come_in(request, study, own, page.stand)
+        kept = request.session.get(CAME_WITH, {})
+        if given and kept.get(slug) != given:  # kept in the session until after a sign-up
+            request.session[CAME_WITH] = {**kept, slug: given}
+        known = recognition.known(study, came)
+    elif own.recruitment_id and own.recruitment_id == came.identifier:
+        recognition.note_submission(own, given)
+    headers = {name.lower(): value for name, value in request.headers.items()}
+    page = landing.landing(
+        study,
+        request.user,
+        own,
+        known=known,
+        has_device=screening.has_device(study.as_definition(), device_of(headers, "")),
+        is_recruited=bool(came.identifier),
+        language=get_language() or "",
+        now=now,
+    )
+    if request.method == "POST":
+        if page["admission"] == "recognized" and known is not None:
+            return _continue_as(request, known, given)
+        return _take_part(request, study, own, page)
+    context = {
+        "study": study,
+        "page": page,
+        "own": own,
+        "known": known,
+        "sign_up": _sign_up(request),
+        "code_form": EntryCodeForm(),
+    }
+    return render(request, "experiments/landing.html", context)
 
 
-def _come_in(
-    request: HttpRequest, study: Study, own: Participant | None, stand: landing.Stand
+def _take_part(
+    request: HttpRequest, study: Study, own: Participant | None, page: dict[str, Any]
 ) -> HttpResponseBase:
-    now = timezone.now()
-    if stand == "stranger":
+    now, user, admission = timezone.now(), request.user, page["admission"]
+    has_no_device = admission == "device" and request.POST.get("go") == "none"
+    if admission == "stranger":
         return redirect(_sign_up(request))
-    if stand == "anonymous":
-        return _come_in_anonymously(request, study, now)
-    if stand == "finished" and own is not None:
-        advance.come_again(own, now)
-    elif stand == "welcome":
-        _enter(request, study, request.user, now)
+    if admission == "anonymous" or (has_no_device and not _has_full_account(user)):
+        return _take_part_as_guest(request, study, now, screens_out=has_no_device)
+    if admission == "finished" and own is not None and page["may_take_part_again"]:
+        advance.begin_next_visit(own, now)
+    elif admission == "welcome" or has_no_device:
+        participant = _enter(request, study, user, now)
+        if has_no_device:
+            progress.screen_out(participant, now)
     elif own is None:
         return redirect("study", study.slug)
     return redirect("study_step", study.slug)
+
+
+def _has_full_account(user: Any) -> bool:
+    return bool(user.is_authenticated and not user.is_guest)
 
 
 def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime) -> Participant:
@@ -118,22 +127,42 @@ def _enter(request: HttpRequest, study: Study, user: Any, now: datetime.datetime
         language=get_language() or "",
         now=now,
     )
-    # from now on they are in the participant's row alone, which a withdrawal deletes
+    # from now on they are only in the participant's row, which a withdrawal deletes
     if study.slug in request.session.get(CAME_WITH, {}):
         request.session[CAME_WITH] = came_with
     return participant
 
 
-def _come_in_anonymously(
-    request: HttpRequest, study: Study, now: datetime.datetime
+def _take_part_as_guest(
+    request: HttpRequest, study: Study, now: datetime.datetime, *, screens_out: bool
 ) -> HttpResponseBase:
-    """Make an account without a password, and show its code this once."""
+    """Make a guest. The code is shown only once, and only if no recruitment id replaces it."""
     if (refused := _too_many_guests(request)) is not None:
         return refused
+    given = _parameters(request, study.slug)
     user = create_guest(User.Kind.PARTICIPANT)
-    _enter(request, study, user, now)
+    participant = _enter(request, study, user, now)
+    if participant.user_id != user.pk:  # another browser entered with the same id just before
+        user.delete()
+        return _continue_as(request, participant, given)
     sign_in(request, user)
-    return _show_code(request, user, reverse("study_step", args=[study.slug]))
+    if screens_out:
+        progress.screen_out(participant, now)
+    step = reverse("study_step", args=[study.slug])
+    return redirect(step) if participant.recruitment_id else show_code(request, user, step)
+
+
+def _continue_as(
+    request: HttpRequest, participant: Participant, given: dict[str, str]
+) -> HttpResponseBase:
+    """Let in the guest that a recruitment id names; a full account needs its password."""
+    if participant.user is None or not participant.user.is_guest:
+        return redirect("study", participant.study.slug)
+    sign_in(request, participant.user)
+    came = recognition.arrival_of(participant.study, given)
+    recognition.note_sign_in(request.session, participant, came)
+    recognition.note_submission(participant, given)
+    return redirect("study_step", participant.study.slug)
 
 
 def _too_many_guests(request: HttpRequest) -> HttpResponse | None:
@@ -143,17 +172,17 @@ def _too_many_guests(request: HttpRequest) -> HttpResponse | None:
     return too_many(request, NEW_GUESTS.wait(address, at))
 
 
-def _show_code(request: HttpRequest, user: User, go_on: str) -> HttpResponse:
+def show_code(request: HttpRequest, user: User, go_on: str) -> HttpResponse:
     """Answer with a new code; it is in no session and no address, and a reload shows none."""
     code = new_entry_code(user)
     return render(request, "experiments/entry_code.html", {"code": code, "go_on": go_on})
 
 
-def _keep_parameters(request: HttpRequest, slug: str) -> None:
-    """Keep what the recruiting site has written into the link, through sign-up and all."""
-    found = progress.kept_parameters({name: str(value) for name, value in request.GET.items()})
-    if found:
-        request.session[CAME_WITH] = {**request.session.get(CAME_WITH, {}), slug: found}
+def _parameters(request: HttpRequest, slug: str) -> dict[str, str]:
+    """Return the recruitment parameters of the link, now or when it was opened."""
+    now = progress.kept_parameters({name: str(value) for name, value in request.GET.items()})
+    kept: dict[str, str] = request.session.get(CAME_WITH, {}).get(slug, {})
+    return now or kept
 
 
 def _sign_up(request: HttpRequest) -> str:
@@ -161,13 +190,9 @@ def _sign_up(request: HttpRequest) -> str:
     return f"{reverse(page)}?{urlencode({'next': request.path})}"
 
 
-# --- coming back with a code ----------------------------------------------------------------------
-
-
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def enter_code(request: HttpRequest) -> HttpResponseBase:
-    """Ask for the code of somebody without an account; the right one leads to where they were."""
     address, at = address_of(request), time.time()
     if request.method != "POST":
         return render(request, "experiments/enter_code.html", {"form": EntryCodeForm()})
@@ -185,54 +210,46 @@ def enter_code(request: HttpRequest) -> HttpResponseBase:
     return redirect("study_step", newest.study.slug) if newest is not None else redirect("own_data")
 
 
-# --- personal links -------------------------------------------------------------------------------
-
-
 @never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 @limited(LINKS, reading=True, refusals={GONE})
 def link(request: HttpRequest, token: str) -> HttpResponseBase:
-    """Show a button, or redeem the link when it is pressed: reading the page uses nothing up."""
+    """Show a button that redeems a personal link: reading the page does not use it up."""
     now = timezone.now()
     try:
         found = links.find(token, request.user, now)
         if request.method == "POST":
             return _follow(request, token, found, now)
     except links.LinkError as error:
-        return render(
-            request, "experiments/link_refused.html", {"reason": error.reason}, status=GONE
-        )
+        more = {"reason": error.reason}
+        return render(request, "experiments/link_refused.html", more, status=GONE)
     page = landing.landing(found.study, request.user, None, language=get_language() or "", now=now)
-    more = {
+    context = {
         "page": page,
         "sign_up": _sign_up(request),
         "is_used": found.redeemed_at is not None,
         "needs_account": found.kind == ParticipantKind.BOT,
     }
-    return render(request, "experiments/link.html", more)
+    return render(request, "experiments/link.html", context)
 
 
 def _follow(
     request: HttpRequest, token: str, found: PersonalLink, now: datetime.datetime
 ) -> HttpResponseBase:
-    """Let in whoever pressed the button of a link: again, with their account, or with a new one
-    that has no password. Bots make full accounts, whose names tell them apart.
-
-    Raises:
-        links.LinkError: somebody else used it meanwhile.
+    """Let in the user of a link: the guest who used it before, a full account, or a new guest. Bots
+    make full accounts, whose names distinguish them. Raises a LinkError when another user has used
+    it in the meantime.
     """
-    user: Any = request.user
-    language = get_language() or ""
-    guest = found.guest
+    guest, language = found.guest, get_language() or ""
     if guest is not None:
         sign_in(request, guest)
-    elif user.is_authenticated and not user.is_guest:
-        links.redeem(token, user, language=language, now=now)
+    elif _has_full_account(request.user):
+        links.redeem(token, request.user, language=language, now=now)
     elif found.kind == ParticipantKind.BOT:
         return redirect(_sign_up(request))
+    elif (refused := _too_many_guests(request)) is not None:
+        return refused
     else:
-        if (refused := _too_many_guests(request)) is not None:
-            return refused
         guest = create_guest(User.Kind.PARTICIPANT)
         try:
             links.redeem(token, guest, language=language, now=now)
@@ -241,123 +258,3 @@ def _follow(
             raise
         sign_in(request, guest)
     return redirect("study_step", found.study.slug)
-
-
-# --- one's own data -------------------------------------------------------------------------------
-
-
-@never_cache
-@login_required
-@require_safe
-def data(request: HttpRequest) -> HttpResponse:
-    """Show in what somebody takes part, and what they may do with what is kept of them."""
-    language = get_language() or ""
-    rows = [
-        (one, progress.title_of(one.study, language), one.consents.order_by("agreed_at"))
-        for one in progress.of_user(request.user)
-    ]
-    return render(
-        request,
-        "experiments/own_data.html",
-        {"rows": rows, "is_driving": leaving.is_driving(request.user)},
-    )
-
-
-@never_cache
-@login_required
-@require_safe
-@limited(OWN_DATA, reading=True)
-def data_download(request: HttpRequest) -> JsonResponse:
-    """Answer with everything that is kept of whoever asks."""
-    audit.note("own_data_downloaded", actor=request.user, person=request.user)
-    headers = {"Content-Disposition": 'attachment; filename="my-data.json"'}
-    return JsonResponse(
-        own_data.gather(request.user),
-        headers=headers,
-        json_dumps_params={"indent": 1, "ensure_ascii": False},
-    )
-
-
-@never_cache
-@login_required
-@require_POST
-@limited(OWN_DATA)
-def data_delete(request: HttpRequest) -> HttpResponseBase:
-    """Delete the account and all that belongs to it, when the user's name was typed as a
-    confirmation; a guest, who knows none, ticks a box.
-    """
-    user: Any = request.user
-    if user.is_guest and not request.POST.get("sure"):
-        messages.error(request, _("To confirm, tick the box. Nothing was deleted."))
-    elif not user.is_guest and request.POST.get("username", "") != user.username:
-        messages.error(
-            request,
-            _("To confirm, type your user name exactly. Nothing was deleted."),
-        )
-    elif leaving.is_driving(user):
-        messages.error(
-            request,
-            _(
-                "Nothing was deleted, because you are driving a robot or waiting for one. Leave "
-                "the robot or its queue first."
-            ),
-        )
-    elif not leaving.delete_everything(user, timezone.now()):
-        messages.error(
-            request, _("This account administers the site. Another administrator must delete it.")
-        )
-    else:
-        logout(request)
-        messages.success(request, _("Your account and all your data have been deleted."))
-        return redirect("home")
-    return redirect("own_data")
-
-
-@never_cache
-@login_required
-@require_POST
-@limited(NEW_CODES)
-def new_code(request: HttpRequest) -> HttpResponse:
-    """Show somebody without an account a new code, with which they continue on another device."""
-    user: Any = request.user
-    if not user.is_guest:
-        raise Http404
-    return _show_code(request, user, reverse("own_data"))
-
-
-def _own(request: HttpRequest, code: str) -> Participant:
-    """Return somebody's own participation; another's is not found."""
-    return get_object_or_404(progress.of_user(request.user), code=code)
-
-
-@never_cache
-@require_http_methods(["GET", "HEAD", "POST"])
-def withdraw(request: HttpRequest, code: str) -> HttpResponseBase:
-    """Ask whether somebody means it, or take them out of the study."""
-    if not request.user.is_authenticated:
-        return redirect_to_login(request.get_full_path())
-    participant = _own(request, code)
-    title = progress.title_of(participant.study, get_language() or "")
-    if request.method != "POST":
-        is_active = participant.status == Participant.Status.ACTIVE
-        number, total = progress.step_count(participant) if is_active else (0, 0)
-        more = {"participant": participant, "title": title, "number": number, "total": total}
-        return render(request, "experiments/withdraw.html", more)
-    return leave(request, participant, timezone.now())
-
-
-@never_cache
-@login_required
-@require_safe
-def receipt(request: HttpRequest, code: str, step: str) -> HttpResponse:
-    """Answer with what somebody agreed to, as a text to keep."""
-    row = ConsentReceipt.objects.filter(participant=_own(request, code), step=step).select_related(
-        "participant", "participant__study"
-    )
-    found = row.order_by("-version").first()
-    if found is None:
-        raise Http404
-    headers = {"Content-Disposition": f'attachment; filename="consent-{code}.txt"'}
-    return HttpResponse(
-        consent.as_text(found), content_type="text/plain; charset=utf-8", headers=headers
-    )

@@ -1,6 +1,4 @@
-"""What a rehearsal plays: which bots, whether bots can play the study at all, and about how long
-that takes. Pure.
-"""
+"""Which bots a rehearsal needs, whether bots can play the study, and about how long it takes."""
 
 import math
 
@@ -29,16 +27,14 @@ WITHOUT_SIMULATION = _(
 
 
 def endings(study: StudyDefinition, each: int = EACH) -> list[Ending]:
-    """Return how each bot takes part: every condition so many times to the end, and a few in other
-    ways.
-    """
+    """Return the ending of each bot: `each` bots complete each condition, a few end otherwise."""
     through = max(2, each) * max(1, len(study.conditions))
     return [Ending.COMPLETES] * through + list(ASIDE)
 
 
 def problems(study: StudyDefinition) -> list[str]:
-    """Return why bots cannot play a study, in sentences: it needs robots that nobody simulates, or
-    a person who operates them.
+    """Return why bots cannot play a study, in sentences: it needs robots without a simulation, or a
+    person who operates them.
     """
     series = sorted({condition.robot for condition in study.conditions} - set(MODELS))
     # An operator's page drives by WebRTC alone, and bots have none.
@@ -48,11 +44,9 @@ def problems(study: StudyDefinition) -> list[str]:
 
 
 def expected_minutes(study: StudyDefinition, cores: int) -> int:
-    """Return about how long it takes on an idle computer, rounded up.
-
-    A limit usually leaves people a multiple of their time, and people need a multiple of a bot's.
-    Two bots drive at a time where there are two robots, and time goes as fast as the processor can
-    follow.
+    """Return about how long it takes on an idle computer, rounded up. A limit usually leaves people
+    a multiple of their time, and people need a multiple of a bot's. Two bots drive at a time where
+    there are two robots, and time goes as fast as the processor can follow.
     """
     limit = study.task.minutes if study.task is not None else 0.0
     robots = {(condition.robot, condition.site) for condition in study.conditions}

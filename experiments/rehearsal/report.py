@@ -1,37 +1,82 @@
-"""What a dress rehearsal says of a study, from the diaries of the bots that played it. Pure:
-diaries in, a report out.
+"""The report on a rehearsal, from the logs of its bots and from the database. Pure.
 
-Bots read at once, answer at once and drive without hesitating. So what people will need is reckoned
-from what bots met: words to read, questions to answer, and the time of the drive by a factor.
+Bots read and answer at once, and drive without hesitating. So the times of people are estimated
+from the words to read, the questions to answer, and the time of a bot's drive.
 """
 
 import math
 import statistics
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
+from itertools import chain
 from typing import Any
 
 from experiments.analysis.power.exact import LARGE, MEDIUM, SMALL, participants_needed
-from experiments.bots.diary import Diary, Leg
+from experiments.bots.diary import Diary, PageVisit
 from experiments.definition import factors
 from experiments.definition.schema import Condition, StudyDefinition
-from experiments.rehearsal.issues import Issue
 
-# how many times longer people drive than bots: the paper's drives took 4 min 34 s on average, a
-# bot's on such a course 2.5
+# times longer that people drive than bots: the paper's drives took 4 min 34 s on average, a bot's
+# on such a course 2.5 min
 DRIVER = 1.8
 WORDS_A_MINUTE = 200.0
 SECONDS_A_QUESTION = 7.0
-# the time limit must leave so many times what the slowest bot took, or people run out of it
+# times the slowest bot's time that the limit must leave, or people run out of it
 SLOWEST = 2.5
 ENOUGH = 1  # drives that must have been completed in each condition
 COMPLETED = "completed"
+gettext_noop = str  # marks a text for the catalogue
+# Each kind of issue and its sentence, which pages translate. Problems prevent publishing.
+PROBLEMS = {
+    "not_completed": gettext_noop("No bot completed the task (drives: %(drives)s)."),
+    "missed": gettext_noop("No bot passed checkpoint %(number)s."),
+    "too_short": gettext_noop(
+        "The slowest bot took %(minutes)s minutes. A limit of %(limit)s minutes is too short for "
+        "people: allow %(allow)s."
+    ),
+    "not_applied": gettext_noop("A setting was not applied as assigned: %(what)s."),
+    "no_task": gettext_noop("There is no task to drive."),
+    "stuck": gettext_noop("Bot %(bot)s got stuck: %(where)s."),
+    "no_code": gettext_noop("Bot %(bot)s finished the study but got no completion code."),
+    "not_drawn": gettext_noop("Not drawn: %(what)s."),
+    "differs": gettext_noop("A drive was not recorded as it happened. %(what)s"),
+}
+NOTES = {
+    "empty": gettext_noop("No bot gave a value for %(column)s."),
+    "unseen_door": gettext_noop("No bot came to %(door)s, which is closed."),
+}
+
+
+@dataclass(frozen=True)
+class Issue:
+    """An issue: its kind, the values in its sentence, and the key of its condition, if any. `place`
+    is the heading of the page where it is corrected.
+    """
+
+    kind: str
+    values: dict[str, Any] = field(default_factory=dict)
+    condition: str = ""
+    place: str = ""
+
+    @property
+    def is_problem(self) -> bool:
+        return self.kind in PROBLEMS
+
+    @property
+    def template(self) -> str:
+        """The sentence without its values, so that it can be translated."""
+        return (PROBLEMS | NOTES)[self.kind]
+
+    def sentence(self) -> str:
+        sentence = self.template % self.values
+        return f"Condition {self.condition}: {sentence}" if self.condition else sentence
 
 
 @dataclass
 class ConditionReport:
-    """One condition: what was driven, which checkpoints nobody passed, how long it took (seconds),
-    and what people will need (minutes).
+    """A condition: its drives, the checkpoints that no bot passed (`missed`), the seconds of the
+    bots, and the minutes that people will need.
     """
 
     key: str
@@ -50,8 +95,8 @@ class ConditionReport:
 
 @dataclass
 class StepReport:
-    """One page of the study, by its heading: how many bots saw it, how much there was on it, how
-    long people will take (minutes), and whether it `drives` the robot.
+    """A page of the study, by its heading: how many bots saw it, the numbers of its words and
+    questions, the minutes that people will take, and whether it `drives` the robot.
     """
 
     heading: str
@@ -64,9 +109,7 @@ class StepReport:
 
 @dataclass
 class RehearsalReport:
-    """All of it. `problems` stand in the way of publishing, `notes` do not; each is one sentence,
-    and `issues` has all of them as they were found.
-    """
+    """All of it. `problems` prevent publishing, `notes` do not: the sentences of `issues`."""
 
     bots: int
     passed: bool = False
@@ -80,16 +123,10 @@ class RehearsalReport:
     drawn: list[str] = field(default_factory=list)
     power: list[dict[str, float]] = field(default_factory=list)
 
-    def as_data(self) -> dict[str, Any]:
-        """Return it as plain data, for JSON."""
-        return asdict(self)
-
 
 @dataclass(frozen=True)
 class DriveRecord:
-    """What the database says of a bot's drive: its condition, outcome, and how what was in force
-    differs from what was assigned.
-    """
+    """A bot's drive in the database; `mismatches` are settings not applied as assigned."""
 
     condition: str
     outcome: str = ""
@@ -101,11 +138,9 @@ class DriveRecord:
 
 @dataclass(frozen=True)
 class Findings:
-    """What was found besides the diaries: drives by session, columns without a value, what was
-    drawn, and why something was not.
-
-    `discrepancies` are sentences on drives whose records give something else than is stored
-    (experiments/rehearsal/replay_check.py).
+    """What the database has: drives by session, columns without a value, the names of tables and
+    figures that were drawn, and why others were not. `discrepancies` are sentences on drives whose
+    stored records give another result than the stored one.
     """
 
     records: Mapping[str, DriveRecord] = field(default_factory=dict)
@@ -116,94 +151,85 @@ class Findings:
 
 
 def judge(study: StudyDefinition, diaries: Sequence[Diary], found: Findings) -> RehearsalReport:
-    """Return what the rehearsal says."""
-    report = RehearsalReport(len(diaries))
-    report.conditions = [
-        _condition(study, condition, diaries, found) for condition in study.conditions
-    ]
-    report.steps = _steps(diaries)
-    report.expected_minutes = round(_whole(diaries, report.conditions, study), 1)
-    report.empty_columns, report.drawn = sorted(found.empty_columns), sorted(found.drawn)
-    report.power = _power(study)
-    report.issues = [
-        *_problems_of(study, report),
+    conditions = [_condition(study, one, diaries, found) for one in study.conditions]
+    issues = [
+        *chain.from_iterable(map(_problems_of, conditions)),
+        *([Issue("no_task")] if study.task is None else []),
         *_stuck(diaries),
         *(Issue("not_drawn", {"what": name}) for name in found.not_drawn),
         *(Issue("differs", {"what": sentence}) for sentence in found.discrepancies),
-        *_notes(report),
+        *(Issue("empty", {"column": name}) for name in sorted(found.empty_columns)),
+        *(
+            Issue("unseen_door", {"door": name}, one.key)
+            for one in conditions
+            for name in sorted(set(one.doors_closed) - set(one.doors_found_closed))
+        ),
     ]
-    report.problems = [one.sentence() for one in report.issues if one.is_problem]
-    report.notes = [one.sentence() for one in report.issues if not one.is_problem]
-    report.passed = not report.problems
-    return report
+    problems = [one.sentence() for one in issues if one.is_problem]
+    return RehearsalReport(
+        len(diaries),
+        passed=not problems,
+        problems=problems,
+        notes=[one.sentence() for one in issues if not one.is_problem],
+        issues=issues,
+        conditions=conditions,
+        steps=_steps(diaries),
+        expected_minutes=round(_whole(diaries, conditions, study), 1),
+        empty_columns=sorted(found.empty_columns),
+        drawn=sorted(found.drawn),
+        power=_power(study),
+    )
 
 
 def _condition(
     study: StudyDefinition, condition: Condition, diaries: Sequence[Diary], found: Findings
 ) -> ConditionReport:
-    task, course = study.task, study.course_of(condition)
-    report = ConditionReport(
-        condition.key,
-        limit_minutes=task.minutes if task is not None else 0.0,
-        doors_closed=list(condition.doors_closed),
-    )
     own = [
         (leg, record)
-        for leg, record in _legs(diaries, found)
+        for diary in diaries
+        for leg in diary.legs
+        if (record := found.records.get(leg.session)) is not None
         if record.condition == condition.key and not record.practice
     ]
-    report.drives = len(own)
-    seconds = []
-    passed: set[int] = set()
-    for leg, record in own:
-        outcome = record.outcome or leg.outcome or "none"
-        report.outcomes[outcome] = report.outcomes.get(outcome, 0) + 1
-        passed |= {*leg.passed, *range(1, record.passed + 1)}
-        if outcome == COMPLETED and leg.passed:
-            seconds.append(record.seconds if record.seconds is not None else leg.seconds)
-        report.mismatches = sorted({*report.mismatches, *record.mismatches})
-        report.doors_found_closed = sorted({*report.doors_found_closed, *leg.closed})
-    report.completed = report.outcomes.get(COMPLETED, 0)
-    report.missed = (
-        [
-            stop.number
-            for stop in course.checkpoints
-            if stop.number > 0 and stop.number not in passed
-        ]
-        if course is not None
-        else []
+    outcomes = Counter(record.outcome or leg.outcome or "none" for leg, record in own)
+    seconds = [
+        leg.seconds if record.seconds is None else record.seconds
+        for leg, record in own
+        if (record.outcome or leg.outcome) == COMPLETED and leg.passed
+    ]
+    passed = {
+        number for leg, record in own for number in (*leg.passed, *range(1, record.passed + 1))
+    }
+    course = study.course_of(condition)
+    stops = [stop.number for stop in course.checkpoints] if course is not None else []
+    median = statistics.median(seconds) if seconds else None
+    return ConditionReport(
+        condition.key,
+        drives=len(own),
+        completed=outcomes[COMPLETED],
+        missed=[number for number in stops if number > 0 and number not in passed],
+        outcomes=dict(outcomes),
+        median_seconds=None if median is None else round(median, 1),
+        longest_seconds=round(max(seconds), 1) if seconds else None,
+        expected_minutes=None if median is None else round(DRIVER * median / 60.0, 1),
+        limit_minutes=study.task.minutes if study.task is not None else 0.0,
+        doors_closed=list(condition.doors_closed),
+        doors_found_closed=sorted({door for leg, _record in own for door in leg.closed}),
+        mismatches=sorted({name for _leg, record in own for name in record.mismatches}),
     )
-    if seconds:
-        report.median_seconds, report.longest_seconds = (
-            round(statistics.median(seconds), 1),
-            round(max(seconds), 1),
-        )
-        report.expected_minutes = round(DRIVER * statistics.median(seconds) / 60.0, 1)
-    return report
-
-
-def _legs(diaries: Sequence[Diary], found: Findings) -> list[tuple[Leg, DriveRecord]]:
-    legs = [leg for diary in diaries for leg in diary.legs if leg.session]
-    return [(leg, found.records[leg.session]) for leg in legs if leg.session in found.records]
 
 
 def _steps(diaries: Sequence[Diary]) -> list[StepReport]:
-    pages: dict[tuple[str, bool], list[tuple[int, int]]] = {}
-    for diary in diaries:
-        for entry in diary.entries:
-            if entry.heading:
-                page = entry.heading, entry.drives
-                pages.setdefault(page, []).append((entry.words, entry.questions))
-    return [_step(heading, seen, drives=drives) for (heading, drives), seen in pages.items()]
-
-
-def _step(heading: str, seen: Sequence[tuple[int, int]], *, drives: bool) -> StepReport:
-    words, questions = (
-        round(statistics.median(one[0] for one in seen)),
-        round(statistics.median(one[1] for one in seen)),
-    )
-    minutes = round(_minutes(words, questions), 1)
-    return StepReport(heading, len(seen), words, questions, minutes, drives)
+    pages: dict[tuple[str, bool], list[PageVisit]] = {}
+    for entry in (entry for diary in diaries for entry in diary.entries if entry.heading):
+        pages.setdefault((entry.heading, entry.drives), []).append(entry)
+    reports = []
+    for (heading, drives), seen in pages.items():
+        words = round(statistics.median(one.words for one in seen))
+        questions = round(statistics.median(one.questions for one in seen))
+        minutes = round(_minutes(words, questions), 1)
+        reports.append(StepReport(heading, len(seen), words, questions, minutes, drives))
+    return reports
 
 
 def _minutes(words: int, questions: int) -> float:
@@ -213,9 +239,6 @@ def _minutes(words: int, questions: int) -> float:
 def _whole(
     diaries: Sequence[Diary], conditions: Sequence[ConditionReport], study: StudyDefinition
 ) -> float:
-    """Return the minutes that a person needs from the link to the code: the median of the bots'
-    pages, and the drives.
-    """
     through = [diary for diary in diaries if diary.code and diary.ending == "completes"]
     if not through:
         return 0.0
@@ -230,42 +253,30 @@ def _whole(
 
 
 def _power(study: StudyDefinition) -> list[dict[str, float]]:
-    by_access = [
-        sum(1 for one in study.conditions if one.access == access)
-        for access in ("open", "invitation")
-    ]
-    groups = max(by_access)
-    needs = (
-        [
-            participants_needed(effect, study.allocation.design, groups=groups)
-            for effect in (SMALL, MEDIUM, LARGE)
-        ]
-        if groups > 1
-        else []
-    )
+    groups = max(Counter(one.access for one in study.conditions).values(), default=0)
+    if groups < 2:
+        return []
+    design = study.allocation.design
     return [
         {"effect": need.effect, "per_group": need.per_group, "total": need.total}
-        for need in needs
-        if need is not None
+        for effect in (SMALL, MEDIUM, LARGE)
+        if (need := participants_needed(effect, design, groups=groups)) is not None
     ]
 
 
-def _problems_of(study: StudyDefinition, report: RehearsalReport) -> Iterator[Issue]:
-    for one in report.conditions:
-        if one.completed < ENOUGH:
-            yield Issue("not_completed", {"drives": one.drives}, one.key)
-        yield from (Issue("missed", {"number": number}, one.key) for number in one.missed)
-        longest = one.longest_seconds
-        if longest is not None and longest * SLOWEST > one.limit_minutes * 60.0:
-            told = {
-                "minutes": f"{longest / 60.0:.1f}",
-                "limit": f"{one.limit_minutes:g}",
-                "allow": math.ceil(longest * SLOWEST / 60.0),
-            }
-            yield Issue("too_short", told, one.key)
-        yield from (Issue("not_applied", {"what": name}, one.key) for name in one.mismatches)
-    if study.task is None:
-        yield Issue("no_task")
+def _problems_of(one: ConditionReport) -> Iterator[Issue]:
+    if one.completed < ENOUGH:
+        yield Issue("not_completed", {"drives": one.drives}, one.key)
+    yield from (Issue("missed", {"number": number}, one.key) for number in one.missed)
+    longest = one.longest_seconds
+    if longest is not None and longest * SLOWEST > one.limit_minutes * 60.0:
+        values = {
+            "minutes": f"{longest / 60.0:.1f}",
+            "limit": f"{one.limit_minutes:g}",
+            "allow": math.ceil(longest * SLOWEST / 60.0),
+        }
+        yield Issue("too_short", values, one.key)
+    yield from (Issue("not_applied", {"what": name}, one.key) for name in one.mismatches)
 
 
 def _stuck(diaries: Sequence[Diary]) -> Iterator[Issue]:
@@ -275,10 +286,3 @@ def _stuck(diaries: Sequence[Diary]) -> Iterator[Issue]:
             yield Issue("stuck", {"bot": one.number, "where": one.stuck}, place=last)
         elif one.ending == "completes" and not one.code:
             yield Issue("no_code", {"bot": one.number})
-
-
-def _notes(report: RehearsalReport) -> Iterator[Issue]:
-    yield from (Issue("empty", {"column": name}) for name in report.empty_columns)
-    for one in report.conditions:
-        unseen = sorted(set(one.doors_closed) - set(one.doors_found_closed))
-        yield from (Issue("unseen_door", {"door": name}, one.key) for name in unseen)

@@ -1,12 +1,13 @@
-"""Rehearsals from the moment in which one is asked for: one at a time for a study, done by the
-process that takes it, on whichever computer.
+"""The rows of rehearsals: one at a time for a study, run by the process that takes it, on any
+computer.
 
-The row is all that the pages and the process share. The process signs it every few seconds; a row
-that was not signed for a while has lost its process, and gives its place to the next one. Ending a
-rehearsal is a change of its row, which its process finds when it signs.
+The pages and the process share only the row. The process signs it every few seconds; a row that
+was not signed for a while has lost its process, and the next one replaces it. To end a rehearsal, a
+page changes its row; the process notices this when it signs.
 """
 
 import datetime
+from dataclasses import asdict
 from typing import Any
 from uuid import UUID
 
@@ -16,8 +17,8 @@ from django.utils import timezone
 from experiments.models import Rehearsal, Study
 from experiments.rehearsal.report import RehearsalReport
 
-SILENT = datetime.timedelta(seconds=30)  # without a sign of life: the process is gone
-NOT_TAKEN = datetime.timedelta(seconds=15)  # waiting for so long: nobody seems to take it
+SILENT = datetime.timedelta(seconds=30)  # without a signature: the process is gone
+NOT_TAKEN = datetime.timedelta(seconds=15)  # waiting for longer: no process seems to take it
 Status = Rehearsal.Status
 LIVE = (Status.WAITING, Status.RUNNING)
 LOST = "Its process ended without giving a reason, or its computer was restarted."
@@ -28,25 +29,20 @@ class AlreadyRehearsedError(RuntimeError):
 
 
 def is_lost(row: Rehearsal, now: datetime.datetime) -> bool:
-    """Tell whether a rehearsal is said to run whose process is gone."""
     return row.status == Status.RUNNING and row.seen_at is not None and row.seen_at < now - SILENT
 
 
 def is_live(row: Rehearsal, now: datetime.datetime) -> bool:
-    """Tell whether a rehearsal waits or runs."""
     return row.status in LIVE and not is_lost(row, now)
 
 
 def latest(study: Study) -> Rehearsal | None:
-    """Return the newest rehearsal of a study, of whatever definition."""
     return Rehearsal.objects.filter(study=study).select_related("ended_by").first()
 
 
 def request(study: Study, now: datetime.datetime) -> Rehearsal:
-    """Ask for a rehearsal of a study.
-
-    Raises:
-        AlreadyRehearsedError: one waits or runs; of several that ask at once, one is heard.
+    """Ask for a rehearsal of a study; an AlreadyRehearsedError when one waits or runs. Of
+    simultaneous requests, one succeeds.
     """
     for row in Rehearsal.objects.filter(live_key=str(study.pk)):
         if is_lost(row, now):
@@ -61,23 +57,18 @@ def request(study: Study, now: datetime.datetime) -> Rehearsal:
 
 
 def take(row: Rehearsal, host: str, now: datetime.datetime) -> bool:
-    """Begin a rehearsal that waits; False when somebody else was first."""
+    """Begin a rehearsal that waits; False when another process was first."""
     waiting = Rehearsal.objects.filter(pk=row.pk, status=Status.WAITING)
     return bool(waiting.update(status=Status.RUNNING, host=host, began_at=now, seen_at=now))
 
 
 def take_next(host: str, now: datetime.datetime) -> Rehearsal | None:
-    """Begin the rehearsal that has waited longest."""
     waiting = Rehearsal.objects.filter(status=Status.WAITING).select_related("study")
     return next((row for row in waiting.order_by("began_at") if take(row, host, now)), None)
 
 
 def begin(study: Study, host: str, now: datetime.datetime) -> Rehearsal:
-    """Begin a rehearsal of a study, or the one that waits.
-
-    Raises:
-        AlreadyRehearsedError: one runs.
-    """
+    """Begin a rehearsal, or the one that waits; an AlreadyRehearsedError when one runs."""
     key = str(study.pk)
     row = Rehearsal.objects.filter(live_key=key, status=Status.WAITING).first()
     row = row or request(study, now)
@@ -94,21 +85,20 @@ def sign(key: UUID, now: datetime.datetime, **changes: Any) -> bool:
 
 def finish(key: UUID, report: RehearsalReport) -> bool:
     """Keep what was found; False when the rehearsal was ended before."""
-    return _end(key, Status.DONE, report=report.as_data(), passed=report.passed)
+    return _end(key, Status.DONE, report=asdict(report), passed=report.passed)
 
 
 def fail(key: UUID, reason: str) -> bool:
-    """Keep why nothing could be found; False when the rehearsal was ended before."""
     report = {"problems": [reason], "passed": False}
     return _end(key, Status.FAILED, report=report, reason=reason)
 
 
 def stop(key: UUID, user: Any) -> bool:
-    """End a rehearsal because somebody wants it; False when it was ended before."""
     return _end(key, Status.STOPPED, ended_by=user)
 
 
 def _end(key: UUID, status: str, **changes: Any) -> bool:
     living = Rehearsal.objects.filter(pk=key, status__in=LIVE)
-    told = {"status": status, "finished_at": timezone.now(), "live_key": str(key), **changes}
-    return bool(living.update(**told))
+    return bool(
+        living.update(status=status, finished_at=timezone.now(), live_key=str(key), **changes)
+    )

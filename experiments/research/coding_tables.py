@@ -1,23 +1,21 @@
 """How coders agree, as rows of texts for a page."""
 
-from collections.abc import Mapping, Sequence
 from typing import Any
 
 from django.utils.formats import number_format
 from django.utils.translation import gettext as _
 
 from experiments.coding import store
-from experiments.coding.reliability import EventReliability, ReliabilityEstimate
+from experiments.coding.agreement import ReliabilityEstimate
 from experiments.coding.study_agreement import StudyAgreement
 from experiments.models import CodingSchemeVersion
 
 
 def shown(agreement: StudyAgreement, scheme: CodingSchemeVersion) -> dict[str, Any]:
-    """Return how coders agree as rows of texts."""
     names = {code.code: code.name for code in store.read_scheme(scheme).codes} | {
         "": _("All codes together")
     }
-    called = [f"C{number}" for number in agreement.coders]
+    coders = [f"C{number}" for number in agreement.coders]
     return {
         "sessions": agreement.sessions,
         "waiting": agreement.waiting,
@@ -28,7 +26,7 @@ def shown(agreement: StudyAgreement, scheme: CodingSchemeVersion) -> dict[str, A
                 "alpha": _estimate(one.alpha),
                 "pairs": [
                     {
-                        "coders": " – ".join(called[place] for place in pair.coders),
+                        "coders": " – ".join(coders[place] for place in pair.coders),
                         "agreement": _estimate(pair.agreement, percent=True),
                         "kappa": _estimate(pair.kappa),
                         "matches": pair.matches,
@@ -38,21 +36,16 @@ def shown(agreement: StudyAgreement, scheme: CodingSchemeVersion) -> dict[str, A
             }
             for one in agreement.found.codes
         ],
-        "events": [_shown_events(pair, called, names) for pair in agreement.found.events],
-    }
-
-
-def _shown_events(
-    pair: EventReliability, called: Sequence[str], names: Mapping[str, str]
-) -> dict[str, Any]:
-    labels = [*(names[label] for label in pair.labels), _("nothing")]
-    rows = zip(labels, pair.table.astype(int).tolist(), strict=True)
-    return {
-        "first": called[pair.coders[0]],
-        "second": called[pair.coders[1]],
-        "kappa": _estimate(pair.kappa),
-        "labels": labels,
-        "rows": list(rows),
+        "events": [
+            {
+                "first": coders[pair.coders[0]],
+                "second": coders[pair.coders[1]],
+                "kappa": _estimate(pair.kappa),
+                "labels": (labels := [*(names[label] for label in pair.labels), _("nothing")]),
+                "rows": list(zip(labels, pair.table.astype(int).tolist(), strict=True)),
+            }
+            for pair in agreement.found.events
+        ],
     }
 
 

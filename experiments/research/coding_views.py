@@ -1,7 +1,7 @@
-"""Coding what happened: the sessions of a study and how coders agree, and the replay on which
-somebody codes one of them.
+"""The pages on which replays are coded: a study's sessions with the agreement of coders, and the
+replay of one session.
 
-Coders see codes of sessions, and of other coders nothing until all who code a session are done.
+Coders see pseudonyms of sessions, and nothing of other coders until all of a session are done.
 """
 
 import uuid
@@ -14,12 +14,13 @@ from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
 from django.shortcuts import render
 from django.urls import reverse
 from django.utils import timezone
-from django.utils.translation import get_language, ngettext
 from django.utils.translation import gettext as _
+from django.utils.translation import ngettext
 from django.views.decorators.cache import never_cache
 from django.views.decorators.csrf import ensure_csrf_cookie
 from django.views.decorators.gzip import gzip_page
 from django.views.decorators.http import require_GET, require_POST, require_safe
+from msgspec.structs import asdict
 
 from accounts import audit
 from accounts.attempts import Attempts
@@ -31,117 +32,87 @@ from experiments.coding.eaf import to_eaf
 from experiments.coding.reading import import_coding
 from experiments.coding.scheme import BadCodingError, scheme_in
 from experiments.coding.study_agreement import agreement_of
-from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.definition.coding import CodingScheme
+from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Coding, CodingSchemeVersion, Drive, Participant, Study
-from experiments.research import live
-from experiments.research.coding_tables import shown
-from experiments.research.replay import blinded, replay
-from robots.floorplans import plan_content
+from experiments.research import coding_tables, live
+from experiments.research.replay import blinded, player_config, replay
+from experiments.research.study_access import MAX_DIGITS, version_of
 
 SAVES, FILES = Attempts("coding-save", limit=240), Attempts("coding-file", limit=30)
 ROWS_A_PAGE = 100
-MAX_DIGITS = 9  # of a version
 MAX_FILE = 5 * 1024 * 1024
-
-# --- a study's sessions ---------------------------------------------------------------------------
+EVENT_FIELDS = ("version", "code", "begin", "end", "modifiers", "comment")
 
 
 @never_cache
 @require_safe
 def study_page(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show the sessions of a study to code, and how its coders agree."""
-    study, is_coder = _study(request, slug)
-    scheme = store.scheme_of(study, timezone.now())
-    page = None
+    is_coder, is_viewer = may_code(request.user, slug), may(request.user, slug, "viewer")
+    if not (is_coder or is_viewer):
+        raise Http404
+    study = version_of(slug, request.GET.get("version", ""))
+    scheme, page, agreement = store.scheme_of(study, timezone.now()), None, None
+    if scheme is not None:
+        # a coder sees the agreement on sessions that they coded
+        found = agreement_of(scheme, None if is_viewer else request.user)
+        agreement = coding_tables.shown(found, scheme)
     if scheme is not None and is_coder:
-        found = Paginator(_drives(study), ROWS_A_PAGE)
-        page = found.get_page(request.GET.get("page"))
-        page.object_list = _rows(page.object_list, study, scheme, request.user)
+        drives = (
+            Drive.objects.filter(participant__study=study, session__ended_at__isnull=False)
+            .exclude(participant__status=Participant.Status.WITHDRAWN)
+            .select_related("session")
+            .order_by("granted_at", "pk")
+        )
+        page = Paginator(drives, ROWS_A_PAGE).get_page(request.GET.get("page"))
+        page.object_list = _rows(list(page.object_list), study, scheme, request.user)
     context = {
         "study": study,
         "versions": Study.objects.filter(slug=slug).order_by("-version"),
         "scheme": scheme,
         "definition": store.read_scheme(scheme) if scheme else None,
         "page": page,
-        "is_coder": is_coder,
         "may_upload": may(request.user, slug, "researcher"),
-        "agreement": shown(agreement_of(scheme, _only(request, slug)), scheme) if scheme else None,
+        "agreement": agreement,
     }
     return render(request, "experiments/coding/study.html", context)
 
 
-def _study(request: HttpRequest, slug: str) -> tuple[Study, bool]:
-    """Return the version of a study that is asked for, and whether whoever asks may code it.
-
-    Raises:
-        Http404: there is none, or it is not for this user.
-    """
-    is_coder = may_code(request.user, slug)
-    versions = Study.objects.filter(slug=slug).order_by("-version")
-    wanted = request.GET.get("version", "") or request.POST.get("version", "")
-    if wanted.isdecimal() and len(wanted) < MAX_DIGITS:
-        versions = versions.filter(version=wanted)
-    study = versions.exclude(status=Study.Status.DRAFT).first() or versions.first()
-    if study is None or not (is_coder or may(request.user, slug, "viewer")):
-        raise Http404
-    return study, is_coder
-
-
-def _only(request: HttpRequest, slug: str) -> Any:
-    """Return whose codings alone are compared with others: a coder sees no sessions beside."""
-    return None if may(request.user, slug, "viewer") else request.user
-
-
-def _drives(study: Study) -> Any:
-    return (
-        Drive.objects.filter(participant__study=study, session__ended_at__isnull=False)
-        .exclude(participant__status=Participant.Status.WITHDRAWN)
-        .select_related("session")
-        .order_by("granted_at", "pk")
-    )
-
-
 def _rows(
-    drives: Any, study: Study, scheme: CodingSchemeVersion, user: Any
+    drives: list[Drive], study: Study, scheme: CodingSchemeVersion, user: Any
 ) -> list[dict[str, Any]]:
-    drives = list(drives)
     names, definition = Pseudonyms(study.secret), study.as_definition()
-    is_blind, language = store.read_scheme(scheme).blind, get_language() or "en"
-    codings: dict[uuid.UUID, list[Coding]] = {}
-    for coding in Coding.objects.filter(
-        scheme=scheme, session__in=[drive.session_id for drive in drives]
-    ):
-        codings.setdefault(coding.session_id, []).append(coding)
-    return [
-        {
-            "session": drive.session_id,
-            "name": names.session(drive.session_id),
-            "condition": ""
-            if is_blind
-            else live.condition_title(definition, drive.condition, language),
-            "own": next(
-                (one for one in codings.get(drive.session_id, []) if one.coder_id == user.pk), None
-            ),
-            "begun": len(codings.get(drive.session_id, [])),
-            "done": sum(one.done_at is not None for one in codings.get(drive.session_id, [])),
-        }
-        for drive in drives
-    ]
+    is_blind = store.read_scheme(scheme).blind
+    codings: dict[uuid.UUID, list[Coding]] = {drive.session_id: [] for drive in drives}
+    for coding in Coding.objects.filter(scheme=scheme, session__in=codings):
+        codings[coding.session_id].append(coding)
+    rows = []
+    for drive in drives:
+        of_session = codings[drive.session_id]
+        condition = live.condition_title(definition, drive.condition)
+        rows.append(
+            {
+                "session": drive.session_id,
+                "name": names.session(drive.session_id),
+                "condition": "" if is_blind else condition,
+                "own": next((one for one in of_session if one.coder_id == user.pk), None),
+                "begun": len(of_session),
+                "done": sum(one.done_at is not None for one in of_session),
+            }
+        )
+    return rows
 
 
 @require_POST
 @limited(FILES)
 @for_role("researcher")
 def upload_scheme(request: HttpRequest, slug: str) -> HttpResponse:
-    """Make the scheme of a file the newest of a study."""
-    study, _is_coder = _study(request, slug)
+    study = version_of(slug, request.POST.get("version", ""))
     file = request.FILES.get("file")
     try:
         scheme = scheme_in(file.read(MAX_FILE) if file is not None else b"")
     except BadCodingError as error:
-        for problem in error.problems[:10]:
-            messages.error(request, problem)
+        _show_problems(request, error)
     else:
         row = store.store_scheme(study, scheme, timezone.now())
         audit.note("coding_scheme_set", actor=request.user, study=slug, detail=f"{row.version}")
@@ -149,19 +120,19 @@ def upload_scheme(request: HttpRequest, slug: str) -> HttpResponse:
     return HttpResponseRedirect(_study_address(study))
 
 
+def _show_problems(request: HttpRequest, error: BadCodingError) -> None:
+    for problem in error.problems[:10]:
+        messages.error(request, problem)
+
+
 def _study_address(study: Study) -> str:
     return f"{reverse('study_coding', args=[study.slug])}?version={study.version}"
 
 
-# --- a session ------------------------------------------------------------------------------------
-
-
-def _asked(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchemeVersion]:
+def _session_to_code(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchemeVersion]:
     """Return the drive of a session and the scheme by which it is coded: the newest, or the one
-    that `scheme` names, with which a page was opened before there was a newer one.
-
-    Raises:
-        Http404: there is none, or it is not for this user.
+    that `scheme` names, with which a page was opened earlier; Http404 when there is none, or it is
+    not for this user.
     """
     drive = drive_to_code(request.user, session)
     study, wanted = drive.participant.study, request.GET.get("scheme", "")
@@ -178,17 +149,11 @@ def _asked(request: HttpRequest, session: uuid.UUID) -> tuple[Drive, CodingSchem
 @require_safe
 @ensure_csrf_cookie
 def code_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Show a session again, to be coded."""
-    drive, row = _asked(request, session)
+    drive, row = _session_to_code(request, session)
     study, scheme = drive.participant.study, store.read_scheme(row)
-    audit.note(
-        "session_coded",
-        actor=request.user,
-        person=drive.session.visitor_id,
-        study=study.slug,
-        thing=drive.session,
-    )
-    condition = live.condition_title(study.as_definition(), drive.condition, get_language() or "en")
+    condition = live.condition_title(study.as_definition(), drive.condition)
+    user, visitor, thing = request.user, drive.session.visitor_id, drive.session
+    audit.note("session_coded", actor=user, person=visitor, study=study.slug, thing=thing)
     context = {
         "session": drive.session,
         "drive": drive,
@@ -205,47 +170,27 @@ def _config(
     request: HttpRequest, drive: Drive, row: CodingSchemeVersion, scheme: CodingScheme
 ) -> dict[str, Any]:
     session = drive.session_id
-    robot = drive.session.robot
-    return {
-        "data": reverse("coding_record", args=[session]),
-        "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
-        "footprint": (robot.presence.factsheet or {}).get("footprint", []),
-        "photos": [],
-        "coding": {
-            "codes": [
-                msgspec.structs.asdict(code) | {"modifiers": _modifiers(code)}
-                for code in scheme.codes
-            ],
-            **{
-                name: f"{reverse(f'coding_{name}', args=[session])}?scheme={row.version}"
-                for name in ("events", "save", "done")
-            },
-            # what a browser keeps of changes that were not saved yet
-            "kept": f"coding:{request.user.pk}:{row.pk}:{session}",
-            **_answer(store.coding_of(session, row, request.user)),
-        },
+    coding = {
+        "codes": [
+            asdict(code) | {"modifiers": [asdict(one) for one in code.modifiers]}
+            for code in scheme.codes
+        ],
+        # the name under which a browser keeps changes that were not saved yet
+        "kept": f"coding:{request.user.pk}:{row.pk}:{session}",
+        **_answer(store.coding_of(session, row, request.user)),
     }
-
-
-def _modifiers(code: Any) -> list[dict[str, Any]]:
-    return [msgspec.structs.asdict(modifier) for modifier in code.modifiers]
+    for name in ("events", "save", "done"):
+        coding[name] = f"{reverse(f'coding_{name}', args=[session])}?scheme={row.version}"
+    data = reverse("coding_record", args=[session])
+    return player_config(drive.session, data, []) | {"coding": coding}
 
 
 def _answer(coding: Coding | None) -> dict[str, Any]:
-    """Return somebody's events as the page has them."""
     return {
         "isDone": coding is not None and coding.done_at is not None,
         "isShown": coding is not None and store.is_revealed(coding.session_id, coding.scheme),
         "saved": [
-            {
-                "event": str(edit.event),
-                "version": edit.version,
-                "code": edit.code,
-                "begin": edit.begin,
-                "end": edit.end,
-                "modifiers": edit.modifiers,
-                "comment": edit.comment,
-            }
+            {name: getattr(edit, name) for name in EVENT_FIELDS} | {"event": str(edit.event)}
             for edit in (store.current(coding) if coding is not None else ())
         ],
     }
@@ -255,8 +200,8 @@ def _answer(coding: Coding | None) -> dict[str, Any]:
 @require_safe
 @gzip_page
 def record(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Answer with the record of a session; a blind coder gets what does not tell the condition."""
-    drive, row = _asked(request, session)
+    """Answer with the record of a session; a blind coder's has nothing that tells the condition."""
+    drive, row = _session_to_code(request, session)
     found = replay(drive.session, drive)
     shown = blinded(found) if store.read_scheme(row).blind else found
     return HttpResponse(msgspec.json.encode(shown), content_type="application/json")
@@ -265,36 +210,34 @@ def record(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
 @never_cache
 @require_GET
 def events(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    """Answer with somebody's own events."""
-    _drive, row = _asked(request, session)
+    _drive, row = _session_to_code(request, session)
     return JsonResponse(_answer(store.coding_of(session, row, request.user)))
 
 
 @require_POST
 @limited(SAVES, json=True)
 def save(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    """Store changes of events, and answer with all of them; what is refused says why."""
-    drive, row = _asked(request, session)
+    """Store changes of events; answer with all events, and why changes were refused."""
+    drive, row = _session_to_code(request, session)
     try:
         edits = msgspec.json.decode(request.body, type=store.EventEdits).edits
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         return JsonResponse({"problem": str(error)[:200]}, status=400)
     now = timezone.now()
     try:
-        coding = store.begin(drive, row, request.user, now)
-        saved = store.save(coding, edits, now)
+        saved = store.save(store.begin(drive, row, request.user, now), edits, now)
+        found, status = {"conflicts": saved.conflicts, "refused": saved.refused}, 200
     except BadCodingError as error:
-        own = store.coding_of(session, row, request.user)
-        return JsonResponse({"problem": str(error), **_answer(own)}, status=409)
-    return JsonResponse({"conflicts": saved.conflicts, "refused": saved.refused, **_answer(coding)})
+        found, status = {"problem": str(error)}, 409
+    own = store.coding_of(session, row, request.user)
+    return JsonResponse(found | _answer(own), status=status)
 
 
 @require_POST
 @limited(SAVES, json=True)
 def done(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
-    """Mark somebody's coding as done, or with `again` take that back."""
-    drive, row = _asked(request, session)
-    now = timezone.now()
+    drive, row = _session_to_code(request, session)
+    now, found, status = timezone.now(), {}, 200
     coding = store.begin(drive, row, request.user, now)
     try:
         if request.POST.get("again"):
@@ -302,53 +245,44 @@ def done(request: HttpRequest, session: uuid.UUID) -> JsonResponse:
         else:
             store.finish(coding, _duration(drive), now)
     except BadCodingError as error:
-        return JsonResponse({"problem": str(error), **_answer(coding)}, status=409)
-    return JsonResponse(_answer(store.coding_of(session, row, request.user)))
+        found, status = {"problem": str(error)}, 409
+    own = store.coding_of(session, row, request.user)
+    return JsonResponse(found | _answer(own), status=status)
 
 
 def _duration(drive: Drive) -> float:
-    duration: float = replay(drive.session, drive)["duration"]
-    return duration
-
-
-# --- files ----------------------------------------------------------------------------------------
+    return float(replay(drive.session, drive)["duration"])
 
 
 @never_cache
 @require_safe
 @limited(FILES, reading=True)
 def download(request: HttpRequest, session: uuid.UUID, kind: str) -> HttpResponse:
-    """Answer with somebody's own coding as a file of ELAN or of BORIS."""
-    drive, row = _asked(request, session)
+    drive, row = _session_to_code(request, session)
     coding = store.coding_of(session, row, request.user)
     name = Pseudonyms(drive.participant.study.secret).session(session)
     try:
         found = store.checked(coding, _duration(drive)) if coding is not None else []
     except BadCodingError as error:
-        for problem in error.problems[:10]:
-            messages.error(request, problem)
+        _show_problems(request, error)
         return HttpResponseRedirect(reverse("code_session", args=[session]))
-    scheme, who = store.read_scheme(row), f"C{coding.number}" if coding is not None else "C"
+    codes, who = store.read_scheme(row).codes, f"C{coding.number}" if coding is not None else "C"
     date = timezone.now()
-    body = (
-        to_eaf(scheme.codes, found, who, date.isoformat(timespec="seconds"))
-        if kind == "eaf"
-        else to_boris(
-            scheme.codes, {f"{name} {who}": found}, name, date.strftime("%Y-%m-%dT%H:%M:%S")
-        )
-    )
-    return HttpResponse(
-        body,
-        content_type="application/xml" if kind == "eaf" else "application/json",
-        headers={"Content-Disposition": f'attachment; filename="{name}-{who}.{kind}"'},
-    )
+    if kind == "eaf":
+        content_type = "application/xml"
+        body = to_eaf(codes, found, who, date.isoformat(timespec="seconds"))
+    else:
+        content_type = "application/json"
+        body = to_boris(codes, {f"{name} {who}": found}, name, f"{date:%Y-%m-%dT%H:%M:%S}")
+    headers = {"Content-Disposition": f'attachment; filename="{name}-{who}.{kind}"'}
+    return HttpResponse(body, content_type=content_type, headers=headers)
 
 
 @require_POST
 @limited(FILES)
 def upload(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Put the events of a file into somebody's coding, in place of those that it has."""
-    drive, row = _asked(request, session)
+    """Put the events of a file into the coder's coding, in place of those that it has."""
+    drive, row = _session_to_code(request, session)
     file = request.FILES.get("file")
     scheme, now = store.read_scheme(row), timezone.now()
     try:
@@ -361,8 +295,7 @@ def upload(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
         )
         count = store.replace_events(store.begin(drive, row, request.user, now), found, now)
     except BadCodingError as error:
-        for problem in error.problems[:10]:
-            messages.error(request, problem)
+        _show_problems(request, error)
     else:
         for problem in left_out[:20]:
             messages.warning(request, problem)

@@ -1,40 +1,32 @@
-"""What more is known of an event, in words for whoever reads a replay."""
+"""The data of an event in words, for the reader of a replay."""
 
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from django.utils.translation import gettext as _
-from django.utils.translation import gettext_lazy, pgettext_lazy
+from django.utils.translation import gettext_lazy, gettext_noop, pgettext_lazy
 
 from accounts.models import GUEST_NAMES
 from robots.readiness_text import in_words as readiness
 from sessions.leases import terms
 from sessions.models import Session
 
-# Not told: it is drawn on the map, or names a row, or is long and of no use to a reader.
-UNTOLD = frozenset(
+# Left out: drawn on the map, the id of a row, or long and of no use to a reader.
+LEFT_OUT = frozenset(
     {"pose", "sha256", "actionId", "id", "user", "by", "boot", "ranges", "photo", "lastSeq"}
 )
 LONGEST = 160
 UNITS = {
-    "seconds": "s",
-    "latency": "s",
-    "remaining": "s",
+    **dict.fromkeys(("seconds", "latency", "remaining"), "s"),
+    **dict.fromkeys(("width", "height", "screen_width", "screen_height"), "px"),
     "minutes": "min",
-    "width": "px",
-    "height": "px",
-    "screen_width": "px",
-    "screen_height": "px",
 }
-# Fields that a reader would not miss a name for.
-PLAIN = frozenset({"name", "detail", "reason", "text", "type", "why", "outcome", "method"}) | {
-    "choice",
-    "state",
-    "status",
-    "word",
-    "layout",
-}
+# Fields whose values need no name.
+PLAIN = frozenset(
+    {"name", "detail", "reason", "text", "type", "why", "outcome", "method"}
+    | {"choice", "state", "status", "word", "layout"}
+)
 FIELDS = {
     "number": gettext_lazy("number"),
     "step": gettext_lazy("step"),
@@ -85,27 +77,22 @@ CUES = {
     "timed_out": gettext_lazy("out of time"),
     "ended": gettext_lazy("ended"),
 }
+# Values that are their own text.
+PLAIN_VALUES = (
+    *(gettext_noop("repeated"), gettext_noop("late"), gettext_noop("keyboard")),
+    *(gettext_noop("mouse"), gettext_noop("touch"), gettext_noop("stick"), gettext_noop("gamepad")),
+    *(gettext_noop("open"), gettext_noop("server"), gettext_noop("keep"), gettext_noop("skip")),
+    *(gettext_noop("wide"), gettext_noop("upright"), gettext_noop("low"), gettext_noop("camera")),
+    *(gettext_noop("microphone"), gettext_noop("dock"), gettext_noop("undock")),
+    *(gettext_noop("photo"), gettext_noop("left"), gettext_noop("right"), gettext_noop("front")),
+    gettext_noop("rear"),
+)
 VALUES = {
+    **{value: gettext_lazy(value) for value in PLAIN_VALUES},
     "out_of_order": gettext_lazy("out of order"),
-    "repeated": gettext_lazy("repeated"),
-    "late": gettext_lazy("late"),
-    "keyboard": gettext_lazy("keyboard"),
-    "mouse": gettext_lazy("mouse"),
-    "touch": gettext_lazy("touch"),
-    "stick": gettext_lazy("stick"),
-    "gamepad": gettext_lazy("gamepad"),
-    "open": gettext_lazy("open"),
     "closed": pgettext_lazy("a door", "closed"),
     "direct": gettext_lazy("direct connection"),
-    "server": gettext_lazy("server"),
-    "keep": gettext_lazy("keep"),
     "again": gettext_lazy("retake"),
-    "skip": gettext_lazy("skip"),
-    "wide": gettext_lazy("wide"),
-    "upright": gettext_lazy("upright"),
-    "low": gettext_lazy("low"),
-    "camera": gettext_lazy("camera"),
-    "microphone": gettext_lazy("microphone"),
     "granted": gettext_lazy("allowed"),
     "denied": gettext_lazy("blocked"),
     "prompt": gettext_lazy("not asked yet"),
@@ -116,20 +103,12 @@ VALUES = {
     "CANCELLED": gettext_lazy("cancelled"),
     "goto": gettext_lazy("drive to a point"),
     "follow": gettext_lazy("follow a route"),
-    "dock": gettext_lazy("dock"),
-    "undock": gettext_lazy("undock"),
     "tilt": gettext_lazy("tilt the head"),
-    "photo": gettext_lazy("photo"),
-    "left": gettext_lazy("left"),
-    "right": gettext_lazy("right"),
-    "front": gettext_lazy("front"),
-    "rear": gettext_lazy("rear"),
 }
 _KEY = re.compile(r"[A-Za-z0-9]+([_.-][A-Za-z0-9]+)+")
 
 
 def in_words(data: Mapping[str, Any]) -> str:
-    """Return the data of an event in one line."""
     return " · ".join(part for part in _parts(data) if part)[:LONGEST]
 
 
@@ -139,38 +118,35 @@ def _parts(data: Mapping[str, Any]) -> Iterator[str]:
     if is_cue:
         yield str(CUES[cue]).replace("{k}", str(data.get("number") or ""))
     for name, value in data.items():
-        if name in UNTOLD or value is None or (is_cue and name in {"name", "word", "number"}):
+        if name in LEFT_OUT or value is None or (is_cue and name in {"name", "word", "number"}):
             continue
-        told = _told(value, name)
-        yield told if name in PLAIN or not told else f"{_field(name)} {told}"
+        text = _value_text(value, name)
+        yield text if name in PLAIN or not text else f"{_field(name)} {text}"
 
 
 def _field(name: str) -> str:
     return str(FIELDS.get(name, name.replace("_", " ")))
 
 
-def _told(value: Any, field: str = "") -> str:
+def _value_text(value: Any, field: str = "") -> str:
     if isinstance(value, bool):
         return _("yes") if value else _("no")
     if isinstance(value, Mapping):
-        return ", ".join(f"{_field(name)} {_told(part, name)}" for name, part in value.items())
+        return ", ".join(
+            f"{_field(name)} {_value_text(part, name)}" for name, part in value.items()
+        )
     if isinstance(value, list | tuple):
-        return ", ".join(_told(part) for part in value)
+        return ", ".join(_value_text(part) for part in value)
     if isinstance(value, int | float):
         number = f"{value:.3g}" if value % 1 else f"{value:.0f}"
         return f"{number} {UNITS.get(field, '')}".rstrip()
-    return _reason(str(value)) if field == "reason" else _word(str(value))
-
-
-def _reason(text: str) -> str:
-    """Return why something is so; of a robot that is not ready, what it waits for."""
-    return readiness(text.removeprefix(f"{terms.START}: ")) if text else ""
+    if field == "reason":  # of a robot that is not ready, what it waits for
+        return readiness(str(value).removeprefix(f"{terms.START}: ")) if value else ""
+    return _word(str(value))
 
 
 def _word(text: str) -> str:
-    """Return a text of several words in which each that is known is translated, and a key of words
-    as these words.
-    """
+    """Return a text with each known word translated, and keys such as `a_b` as words."""
     known = {**dict(Session.Outcome.choices), **VALUES, **GUEST_NAMES}
     if text in known:
         return str(known[text])

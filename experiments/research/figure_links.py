@@ -1,9 +1,9 @@
-"""A figure as a part of a page: each of its parts leads somewhere, and nothing in it needs a style
-that the page's policy forbids.
+"""A figure as a part of a page: its parts are links, and it needs no style that the page's policy
+forbids.
 
 matplotlib writes `style` attributes, which a Content-Security-Policy without `unsafe-inline`
-ignores; all that it says there can be said by presentation attributes. Ids get the figure's name
-before them, because a page holds several figures.
+ignores; presentation attributes can say the same. Ids get the figure's name as a prefix, because a
+page has several figures.
 """
 
 import re
@@ -21,14 +21,9 @@ _INHERITED = {"stroke-linejoin": "round", "stroke-linecap": "butt"}
 def linked(
     svg: bytes, name: str, title: str, address: Callable[[str], str], called: Callable[[int], str]
 ) -> str:
-    """Return an SVG for a page.
-
-    Args:
-        svg: a figure as experiments.analysis.figures.drawing wrote it: nobody else's file.
-        name: of the figure, before every id.
-        title: what it shows, for those who do not see it.
-        address: gives the address behind a part by its id, or nothing.
-        called: names the nth link, from 1, for those who do not see where it is.
+    """Return an SVG for a page. It must come from experiments.analysis.figures.drawing: no other
+    file is safe. `name` is the prefix of every id; `address` gives the address behind a part by its
+    id, or nothing; screen readers read `title`, and of the nth link, from 1, what `called` returns.
     """
     ET.register_namespace("", SVG)
     ET.register_namespace("xlink", XLINK)
@@ -38,23 +33,18 @@ def linked(
             if child.tag in {f"{{{SVG}}}metadata", f"{{{SVG}}}style"}:
                 parent.remove(child)
             elif found := address(child.get("id", "")):
-                parent[place] = _link(child, found)
+                parent[place] = ET.Element(LINK, {"href": found})
+                parent[place].append(child)
     for number, link in enumerate(root.iter(LINK), 1):
         link.set("aria-label", called(number))
     for part in root.iter():
         _plain(part, name)
-    # As an image it would hide its links from those who are read to.
+    # with the role "img", screen readers would ignore its links
     root.attrib |= _INHERITED | {"role": "figure", "aria-label": title}
     width = float(root.get("width", "504pt").removesuffix("pt"))
     root.attrib.pop("height", None)
     root.set("width", f"{width * 4 / 3:.0f}")
     return ET.tostring(root, encoding="unicode")
-
-
-def _link(part: ET.Element, address: str) -> ET.Element:
-    link = ET.Element(LINK, {"href": address})
-    link.append(part)
-    return link
 
 
 def _plain(part: ET.Element, name: str) -> None:

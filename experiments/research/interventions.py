@@ -1,9 +1,7 @@
-"""What a researcher does to a drive or a robot while it goes on: say something, end it, hold the
-robot's queue.
+"""Interventions of a researcher in a drive: a message, its end, a pause of the robot's queue.
 
-Each act is written down with its time and who did it: an event of the session whose type begins
-with `operator`, by which the verdict on its quality knows that it did not go undisturbed, and a
-line of the system log.
+Each is recorded with its time and user: as an event of the session whose type begins with
+`operator`, which the table of data quality counts, and in the system log.
 """
 
 import datetime
@@ -20,7 +18,7 @@ LONGEST = 200
 
 
 def send_message(session: Session, text: str, user: Any, now: datetime.datetime) -> bool:
-    """Send a sentence to the visitor's page and write it down; False when it could not be sent."""
+    """Send a sentence to the visitor's page and record it; False if it could not be sent."""
     message = protocol.OperatorMessage(session=str(session.pk), text=text[:LONGEST])
     if not send_notice(session.robot.name, message):
         return False
@@ -30,26 +28,18 @@ def send_message(session: Session, text: str, user: Any, now: datetime.datetime)
 
 
 def end_session(session: Session, reason: str, user: Any, now: datetime.datetime) -> bool:
-    """End a session as stopped by the operator; False when it was over already."""
+    """End a session as stopped by the operator; False if it had ended already."""
     ended = store.end(str(session.pk), Session.Outcome.STOPPED_BY_OPERATOR, reason[:LONGEST], now)
     if ended:
         check_pages(robot_group(session.robot.name), session=str(session.pk))
         _note(str(session.pk), "operator_end", user, now, reason=reason[:LONGEST])
-        audit.note(
-            "session_stopped",
-            actor=user,
-            person=session.visitor_id,
-            robot=session.robot,
-            thing=session,
-            at=now,
-        )
+        person, robot = session.visitor_id, session.robot
+        audit.note("session_stopped", actor=user, person=person, robot=robot, thing=session, at=now)
     return ended
 
 
 def hold(robot: Robot, reason: str, user: Any, now: datetime.datetime) -> None:
-    """Let nobody have the robot from the next visit on; whoever drives it goes on, and whoever
-    waits keeps the place.
-    """
+    """Pause the queue of a robot; its driver goes on, and those who wait keep their places."""
     Robot.objects.filter(pk=robot.pk).update(held=reason[:LONGEST])
     system_log.log(
         "queue_held", "warning", robot=robot, at=now, reason=reason[:LONGEST], user=str(user.pk)
@@ -58,7 +48,7 @@ def hold(robot: Robot, reason: str, user: Any, now: datetime.datetime) -> None:
 
 
 def release(robot: Robot, user: Any, now: datetime.datetime) -> bool:
-    """Let visits go on; False when nobody held them."""
+    """Resume the queue; False if it was not paused."""
     released = bool(Robot.objects.filter(pk=robot.pk).exclude(held="").update(held=""))
     if released:
         system_log.log("queue_released", robot=robot, at=now, user=str(user.pk))

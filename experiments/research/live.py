@@ -1,22 +1,23 @@
-"""Who is where in a study now: what the live view shows, read anew every two seconds with a fixed
+"""The live view of a study: participants, robots and drives, read every two seconds with a fixed
 number of queries.
 
-Everybody is called by their code. What a robot says is as old as `heard` tells; nothing is made up
-for what is not known.
+Participants have their codes instead of names. `heard` is the age of a robot's report in seconds.
+Unknown values are None.
 """
 
 import datetime
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import msgspec
+from django.utils.translation import get_language
 
 from experiments.definition.course import CourseError
 from experiments.definition.schema import StudyDefinition
-from experiments.definition.steps.task import TaskStep
 from experiments.models import Drive, Participant, StepVisit, Study, TaskEvent
 from experiments.participation.drive_config import ground
-from experiments.participation.robot_eligibility import is_shown
+from experiments.participation.drive_status import kind_of
+from experiments.participation.robot_eligibility import may_see
 from experiments.stored_states import newest_chunk
 from robots.api import floorplan
 from robots.models import Robot
@@ -29,55 +30,60 @@ from surveys.documents import spoken
 RECENT = datetime.timedelta(hours=1)
 MOST_PEOPLE = 200
 DOORS_BACK = datetime.timedelta(days=1)
+# Who may drive a robot in the current version: all, invited participants, or no participants.
+USES = ("open", "invitation", "none")
 
 
-def now_in(slug: str, language: str, now: datetime.datetime) -> dict[str, Any]:
-    """Return what happens in all versions of a study: participants, robots, and drives; times in
-    Unix seconds, ages in seconds.
+def now_in(slug: str, now: datetime.datetime) -> dict[str, Any]:
+    """Return participants, robots and drives of all versions of a study; times in Unix seconds,
+    ages in seconds.
     """
-    studies = {study.pk: study for study in Study.objects.filter(slug=slug)}
-    definitions = {key: study.as_definition() for key, study in studies.items()}
-    drives = list(_living(slug))
+    rows = list(Study.objects.filter(slug=slug).order_by("-version"))
+    definitions = {study.pk: study.as_definition() for study in rows}
+    drives = (
+        Drive.objects.filter(participant__study__slug=slug)
+        .exclude(session__state=Session.State.ENDED)
+        .select_related("session__robot", "participant")
+        .order_by("granted_at")
+    )
     robots = _robots(slug, definitions.values(), drives)
+    current = definitions[current_version(rows).pk] if rows else None
     unready = _unready(robots, now)
+    shown = [
+        _robot(robot, now) | {"unready": unready[robot.pk], "use": _use_of(robot, current)}
+        for robot in robots
+    ]
     return {
         "stamp": now.timestamp(),
-        "participants": _people(slug, definitions, language, now),
-        "robots": [
-            _robot(robot, language, now) | {"unready": unready[robot.pk]} for robot in robots
-        ],
+        "participants": _people(slug, definitions, now),
+        "robots": sorted(shown, key=lambda robot: USES.index(robot["use"])),
         "queues": _queues(robots, slug),
-        "drives": [
-            _drive(drive, definitions[drive.participant.study_id], language, now)
-            for drive in drives
-        ],
+        "drives": [_drive(drive, definitions[drive.participant.study_id], now) for drive in drives],
     }
 
 
-def _living(slug: str) -> Iterable[Drive]:
-    rows = Drive.objects.filter(participant__study__slug=slug).exclude(
-        session__state=Session.State.ENDED
-    )
-    return rows.select_related("session", "session__robot", "participant").order_by("granted_at")
+def current_version(rows: Sequence[Study]) -> Study:
+    """Return the newest published version of a study, else the newest, which is the first row."""
+    return next((row for row in rows if row.status != Study.Status.DRAFT), rows[0])
+
+
+def _use_of(robot: Robot, study: StudyDefinition | None) -> str:
+    conditions = study.conditions if study is not None else ()
+    kind = kind_of(robot)
+    accesses = {one.access for one in conditions if (one.robot, one.site) == kind}
+    return next((use for use in USES if use in accesses), USES[-1])
 
 
 def robots_of(slug: str) -> list[Robot]:
-    """Return the robots that a study is driven with."""
     return _robots(slug, [study.as_definition() for study in Study.objects.filter(slug=slug)], ())
 
 
 def _robots(
     slug: str, definitions: Iterable[StudyDefinition], drives: Iterable[Drive]
 ) -> list[Robot]:
-    """Those of the conditions' series at their sites, and those that are being driven; few, because
-    a site has few robots.
-    """
-    wanted = {
-        (condition.robot, condition.site)
-        for definition in definitions
-        for condition in definition.conditions
-    }
-    driven = {drive.session.robot_id for drive in drives}
+    """Return the robots of the conditions' series at their sites, and those in use."""
+    wanted = {(one.robot, one.site) for study in definitions for one in study.conditions}
+    in_use = {drive.session.robot_id for drive in drives}
     rows = (
         Robot.objects.filter(practice=False)
         .select_related("floor_plan")
@@ -87,139 +93,113 @@ def _robots(
     return [
         robot
         for robot in rows
-        if robot.pk in driven or (_place(robot) in wanted and is_shown(robot, slug))
+        if robot.pk in in_use or (kind_of(robot) in wanted and may_see(slug, robot))
     ]
 
 
-def courses_of(
-    slug: str, robots: Iterable[Robot], language: str
-) -> dict[str, dict[int, dict[str, Any]]]:
-    """Return the course of each robot in each version of a study, as maps draw it; robots and
-    versions without one are left out.
-    """
-    studies = {row.version: row.as_definition() for row in Study.objects.filter(slug=slug)}
-    return {
-        robot.name: {
-            version: drawn
-            for version, study in studies.items()
-            if (drawn := _drawn(study, robot, language)) is not None
-        }
-        for robot in robots
-    }
+def courses_of(slug: str, robots: Sequence[Robot]) -> dict[str, dict[int, dict[str, Any]]]:
+    """Return for each robot the course of each version of a study that has one, as maps draw it."""
+    courses: dict[str, dict[int, dict[str, Any]]] = {robot.name: {} for robot in robots}
+    for row in Study.objects.filter(slug=slug):
+        study = row.as_definition()
+        for robot in robots:
+            if drawn := _drawn(study, robot):
+                courses[robot.name][row.version] = drawn
+    return courses
 
 
-def _drawn(study: StudyDefinition, robot: Robot, language: str) -> dict[str, Any] | None:
-    course = next((one for one in study.courses if (one.robot, one.site) == _place(robot)), None)
+def _drawn(study: StudyDefinition, robot: Robot) -> dict[str, Any] | None:
+    course = next((one for one in study.courses if (one.robot, one.site) == kind_of(robot)), None)
     if course is None or robot.floor_plan is None:
         return None
     try:
         plan = floorplan.decode(msgspec.json.encode(robot.floor_plan.plan))
-        return ground(course, plan, language)
+        return ground(course, plan, page_language())
     except (floorplan.FloorPlanError, CourseError):
         return None
 
 
-def _place(robot: Robot) -> tuple[str, str]:
-    return (robot.presence.factsheet or {}).get(
-        "series", ""
-    ), robot.floor_plan.name if robot.floor_plan else ""
+def page_language() -> str:
+    return get_language() or "en"
 
 
-def condition_title(definition: StudyDefinition, key: str, language: str) -> str:
-    """Return what a condition is called."""
+def condition_title(definition: StudyDefinition, key: str) -> str:
+    """Return the title of a condition in the language of the page; its key when it has no title, or
+    no longer exists.
+    """
     condition = definition.condition(key)
-    return spoken(condition.title, language) if condition is not None else key
-
-
-# --- people ---------------------------------------------------------------------------------------
+    return (spoken(condition.title, page_language()) if condition is not None else "") or key
 
 
 def _people(
-    slug: str, definitions: dict[Any, StudyDefinition], language: str, now: datetime.datetime
+    slug: str, definitions: dict[Any, StudyDefinition], now: datetime.datetime
 ) -> list[dict[str, Any]]:
-    rows = list(
-        Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT).order_by(
-            "-seen_at"
-        )[:MOST_PEOPLE]
-    )
-    began = _began(rows)
-    return [_person(row, definitions[row.study_id], began, language, now) for row in rows]
-
-
-def _began(people: list[Participant]) -> dict[tuple[Any, int, int, str], datetime.datetime]:
-    rows = StepVisit.objects.filter(participant__in=people).values_list(
+    rows = Participant.objects.filter(study__slug=slug, seen_at__gte=now - RECENT)
+    people = list(rows.order_by("-seen_at")[:MOST_PEOPLE])
+    visits = StepVisit.objects.filter(participant__in=people).values_list(
         "participant_id", "visit", "round", "step", "began_at"
     )
-    return {(person, visit, turn, step): at for person, visit, turn, step, at in rows}
+    began = {tuple(place): at for *place, at in visits}
+    return [_person(row, definitions[row.study_id], began, now) for row in people]
 
 
 def _person(
     row: Participant,
     definition: StudyDefinition,
     began: dict[Any, datetime.datetime],
-    language: str,
     now: datetime.datetime,
 ) -> dict[str, Any]:
     step = next((step for step in definition.steps if step.key == row.step), None)
     since = began.get((row.pk, row.visit, row.round, row.step))
+    key = row.conditions[row.round] if row.round < len(row.conditions) else ""
     return {
         "code": row.code,
         "kind": row.kind,
         "status": row.status,
-        "step": spoken(step.title, language) if step is not None else row.step,
+        "step": spoken(step.title, page_language()) if step is not None else row.step,
         "visit": row.visit,
-        "condition": condition_title(definition, row.conditions[row.round], language)
-        if row.round < len(row.conditions)
-        else "",
+        "condition": condition_title(definition, key),
         "since": (now - since).total_seconds() if since is not None else None,
         "seen": (now - row.seen_at).total_seconds(),
     }
 
 
 def _queues(robots: list[Robot], slug: str) -> dict[str, list[str]]:
-    """Return who waits for which robot, first come first; who is none of this study's is an empty
-    code.
+    """Return the codes of the participants who wait for each robot, in order; an empty code for
+    visitors who are not in this study.
     """
-    waiting = list(
-        Session.objects.filter(robot__in=robots, state=Session.State.WAITING).order_by("queued_at")
-    )
-    people = Participant.objects.filter(
-        study__slug=slug, user__in=[session.visitor_id for session in waiting]
-    )
+    rows = Session.objects.filter(robot__in=robots, state=Session.State.WAITING)
+    waiting = list(rows.order_by("queued_at").values_list("robot__name", "visitor"))
+    visitors = [visitor for _robot, visitor in waiting]
+    people = Participant.objects.filter(study__slug=slug, user__in=visitors)
     codes = dict(people.values_list("user_id", "code"))
-    names = {robot.pk: robot.name for robot in robots}
-    queues: dict[str, list[str]] = {name: [] for name in names.values()}
-    for session in waiting:
-        queues[names[session.robot_id]].append(codes.get(session.visitor_id, ""))
+    queues: dict[str, list[str]] = {robot.name: [] for robot in robots}
+    for robot, visitor in waiting:
+        queues[robot].append(codes.get(visitor, ""))
     return queues
 
 
-# --- robots ---------------------------------------------------------------------------------------
-
-
 def _unready(robots: list[Robot], now: datetime.datetime) -> dict[Any, str]:
-    """Return in words what each robot lacks for whoever would be next; empty where it lacks
-    nothing, or nobody waits.
+    """Return in words what each robot lacks for the next visitor; empty if nothing, or if the queue
+    is empty.
     """
-    found = {
-        key: next((visit.not_ready for visit in scene.queue if visit.not_ready), "")
+    reasons = {
+        key: next((place.not_ready for place in scene.queue if place.not_ready), "")
         for key, scene in store.load_scenes(robots, now).items()
     }
     return {
         key: in_words(reason.removeprefix(f"{terms.START}: ")) if reason else ""
-        for key, reason in found.items()
+        for key, reason in reasons.items()
     }
 
 
-def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any]:
-    report = robot.presence.report or {}
+def _robot(robot: Robot, now: datetime.datetime) -> dict[str, Any]:
+    report, seen_at = robot.presence.report or {}, robot.presence.last_seen_at
     return {
         "name": robot.name,
         "title": robot.shown_title,
         "online": robot.is_online(now),
-        "heard": (now - robot.presence.last_seen_at).total_seconds()
-        if robot.presence.last_seen_at
-        else None,
+        "heard": (now - seen_at).total_seconds() if seen_at else None,
         "pose": report.get("pose"),
         "stamp": report.get("stamp"),
         "battery": report.get("battery"),
@@ -228,46 +208,34 @@ def _robot(robot: Robot, language: str, now: datetime.datetime) -> dict[str, Any
         "turnaround": robot.presence.turnaround if robot.returns_home else Robot.Turnaround.READY,
         "reason": in_words(robot.presence.turnaround_reason),
         "held": robot.held,
-        "doors": _doors(robot, language, now),
+        "doors": _doors(robot, now),
     }
 
 
-def _doors(robot: Robot, language: str, now: datetime.datetime) -> list[dict[str, Any]]:
-    """Return each door as it was set, and as the robot last said it is, with its stamp."""
-    doors = robot.doors_in(language)
+def _doors(robot: Robot, now: datetime.datetime) -> list[dict[str, Any]]:
+    """Return each door as it was set, and as the robot last reported it, with its stamp."""
+    doors = robot.doors_in(page_language())
     if not doors:
         return []
-    changed = SessionEvent.objects.filter(
-        session__robot=robot, source=SessionEvent.Source.ROBOT, type="door_changed"
-    )
-    told = (
-        changed.filter(received_at__gte=(now - DOORS_BACK).timestamp())
-        .order_by("received_at")
-        .values_list("data", "received_at")
-    )
-    confirmed = {
-        name: (state, at)
-        for data, at in told
-        for name, _, state in [str(data.get("detail", "")).rpartition(" ")]
-    }
+    changes = SessionEvent.objects.filter(
+        session__robot=robot,
+        source=SessionEvent.Source.ROBOT,
+        type="door_changed",
+        received_at__gte=(now - DOORS_BACK).timestamp(),
+    ).order_by("received_at")
+    confirmed: dict[str, dict[str, Any]] = {}
+    for data, at in changes.values_list("data", "received_at"):
+        name, _, state = str(data.get("detail", "")).rpartition(" ")
+        confirmed[name] = {"confirmed": state, "at": at}
+    unknown = {"confirmed": None, "at": None}
     return [
-        {
-            "name": door["name"],
-            "title": door["title"],
-            "set": door["state"],
-            "confirmed": confirmed.get(door["name"], (None, None))[0],
-            "at": confirmed.get(door["name"], (None, None))[1],
-        }
+        {"name": door["name"], "title": door["title"], "set": door["state"]}
+        | confirmed.get(door["name"], unknown)
         for door in doors
     ]
 
 
-# --- drives ---------------------------------------------------------------------------------------
-
-
-def _drive(
-    drive: Drive, definition: StudyDefinition, language: str, now: datetime.datetime
-) -> dict[str, Any]:
+def _drive(drive: Drive, definition: StudyDefinition, now: datetime.datetime) -> dict[str, Any]:
     session = drive.session
     chunk = newest_chunk(session)
     state = chunk.states[-1] if chunk is not None and chunk.states else None
@@ -280,7 +248,7 @@ def _drive(
         "kind": drive.participant.kind,
         "number": drive.number,
         "version": definition.version,
-        "condition": condition_title(definition, drive.condition, language),
+        "condition": condition_title(definition, drive.condition),
         "state": session.state,
         "granted": drive.granted_at.timestamp(),
         "pose": state["pose"] if state else None,
@@ -295,19 +263,19 @@ def _drive(
 
 
 def _wizard(session: Session, now: datetime.datetime) -> dict[str, Any]:
-    """Return whether a hidden operator is there, or was and is `lost`, and the newest step of the
+    """Return whether a hidden operator is present, absent or `lost`, and the newest step of the
     script with its age in seconds.
     """
-    told = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER)
-    order = told.order_by("-stamp").values_list("type", "stamp", "data")
-    came = order.filter(type__in=(wizards.TOOK, wizards.LEFT, wizards.LOST)).first()
-    step = order.filter(type=wizards.STEP).first()
-    lost = came is not None and came[0] == wizards.LOST
+    rows = SessionEvent.objects.filter(session=session, source=SessionEvent.Source.SERVER)
+    newest = rows.order_by("-stamp").values_list("type", "stamp", "data")
+    presence = newest.filter(type__in=(wizards.TOOK, wizards.LEFT, wizards.LOST)).first()
+    _type, stamp, step = newest.filter(type=wizards.STEP).first() or ("", None, {})
+    lost = presence is not None and presence[0] == wizards.LOST
     return {
         "status": "there" if wizards.operator_of(session) else "lost" if lost else "absent",
-        "step": step[2].get("step", "") if step is not None else "",
-        "deviation": step[2].get("deviation", "") if step is not None else "",
-        "age": now.timestamp() - step[1] if step is not None else None,
+        "step": step.get("step", ""),
+        "deviation": step.get("deviation", ""),
+        "age": now.timestamp() - stamp if stamp is not None else None,
     }
 
 
@@ -321,33 +289,21 @@ def _network(sample: NetworkSample | None, now: datetime.datetime) -> dict[str, 
 def _task(
     drive: Drive, definition: StudyDefinition, now: datetime.datetime
 ) -> dict[str, Any] | None:
-    """Return how far the task is, from what the engine has told; None on a step without one."""
+    """Return how far the task is, by the engine's events; None on a step without one."""
     task = definition.task
     if task is None or drive.step != task.key:
         return None
-    events = list(
-        TaskEvent.objects.filter(drive=drive)
-        .order_by("number")
-        .values_list("type", "stamp", "data")
-    )
+    rows = TaskEvent.objects.filter(drive=drive).order_by("number")
+    events = list(rows.values_list("type", "stamp", "data"))
     started = next((stamp for kind, stamp, _ in events if kind == "task_started"), None)
     cue = next((data for kind, _, data in reversed(events) if kind == "cue"), {})
+    left = None if started is None else 60.0 * task.minutes - (now.timestamp() - started)
+    condition = definition.condition(drive.condition)
+    course = definition.course_of(condition) if condition is not None else None
     return {
         "cue": cue.get("name", ""),
         "number": cue.get("number"),
         "passed": [data.get("number") for kind, _, data in events if kind == "checkpoint"],
-        "checkpoints": _count(definition, drive),
-        "remaining": None
-        if started is None
-        else max(0.0, _limit(task) - (now.timestamp() - started)),
+        "checkpoints": len(course.checkpoints) - 1 if course is not None else 0,
+        "remaining": None if left is None else max(0.0, left),
     }
-
-
-def _limit(task: TaskStep) -> float:
-    return task.minutes * 60.0
-
-
-def _count(definition: StudyDefinition, drive: Drive) -> int:
-    condition = definition.condition(drive.condition)
-    course = definition.course_of(condition) if condition is not None else None
-    return len(course.checkpoints) - 1 if course is not None else 0

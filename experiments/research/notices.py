@@ -1,5 +1,5 @@
-"""Mail to researchers when a robot of their study cannot go on: once a pause, and once for each
-participant who waits for its start condition.
+"""Mail to researchers when a robot of their study cannot admit visitors: once a pause, and once for
+each participant who waits for its start condition.
 
 Also in the system log, as the events `queue_paused` (sessions/manager/return_to_dock.py) and
 `robot_not_ready` (sessions/manager/scheduler.py).
@@ -13,11 +13,11 @@ import structlog
 from django.conf import settings
 from django.core.mail import EmailMessage, get_connection
 from django.http import HttpRequest
-from django.utils import timezone
 from django.utils.translation import gettext as _
 
 from experiments.models import Study, StudyMember
-from experiments.participation.grants import is_for, standing_of
+from experiments.participation.grants import is_for, pending_drive
+from experiments.research.study_access import shown_time
 from robots.models import Robot
 from robots.readiness_text import in_words
 from sessions.models import Session
@@ -28,8 +28,7 @@ MAIL_SECONDS = 5.0  # that a mail server may keep the session manager waiting
 
 
 def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: Any) -> None:
-    """Tell the researchers of every open study that uses a robot that its queue is paused."""
-    if reason == "stopped":  # it waits where it is, and takes visitors
+    if reason == "stopped":  # it waits at its place, and takes visitors
         return
     subject = _("%(study)s: the queue for %(robot)s is paused")
     text = _(
@@ -37,18 +36,16 @@ def publish_pause(*, robot: Robot, reason: str, at: datetime.datetime, **_more: 
         "next visit: %(reason)s.\n\nThe system "
         "tries again every two minutes. You get one e-mail for each pause."
     )
+    values = {"robot": robot, "reason": in_words(reason), "at": shown_time(at)}
     for study in studies_with(robot):
-        addresses = addresses_of(study)
-        if addresses:
-            _send(study, robot, reason, at, addresses, words=(subject, text))
+        _send(study, subject, text, values)
 
 
 def publish_not_ready(
     *, robot: Robot, session: Session, reason: str, at: datetime.datetime, **_more: Any
 ) -> None:
-    """Tell the researchers of a participant's study that they wait, and what the robot lacks."""
-    standing = standing_of(session.visitor, robot)
-    if standing is None:
+    drive = pending_drive(session.visitor, robot)
+    if drive is None:
         return
     subject = _("%(study)s: %(robot)s is not ready for the next participant")
     text = _(
@@ -57,13 +54,11 @@ def publish_not_ready(
         "or drive it there. The participant's drive then starts automatically. "
         "You get one e-mail for each participant who waits."
     )
-    addresses = addresses_of(standing.participant.study)
-    if addresses:
-        _send(standing.participant.study, robot, reason, at, addresses, words=(subject, text))
+    values = {"robot": robot, "reason": in_words(reason), "at": shown_time(at)}
+    _send(drive.participant.study, subject, text, values)
 
 
 def studies_with(robot: Robot) -> list[Study]:
-    """Return the published studies that drive a robot."""
     published = Study.objects.filter(status=Study.Status.PUBLISHED)
     return [
         study
@@ -73,21 +68,16 @@ def studies_with(robot: Robot) -> list[Study]:
 
 
 def addresses_of(study: Study) -> list[str]:
-    """Return the addresses of a study's owners and researchers; who only looks at
-    it cannot help.
-    """
+    """Return the addresses of a study's owners and researchers, who can help."""
+    role = StudyMember.Role
     members = StudyMember.objects.filter(slug=study.slug, user__is_active=True).exclude(
-        role__in=(
-            StudyMember.Role.VIEWER,
-            StudyMember.Role.CODER,
-            StudyMember.Role.WIZARD,
-        )
+        role__in=(role.VIEWER, role.CODER, role.WIZARD)
     )
     return sorted({address for address in members.values_list("user__email", flat=True) if address})
 
 
 def mail_to_owner(_request: HttpRequest, robot: Robot) -> str:
-    """Say whether a robot's owner gets such mail: as a member of a study alone."""
+    """Tell a robot's owner whether they get such mail: only as a member of a study."""
     owner = robot.owner
     if owner is None:
         return _("This robot has no owner.")
@@ -99,37 +89,24 @@ def mail_to_owner(_request: HttpRequest, robot: Robot) -> str:
             "No. Only researchers of a published study get an e-mail when its robot can't get "
             "ready. The system log lists all problems."
         )
-    return _("Yes, when the robot can't get ready, as a researcher of: %(studies)s.") % {
-        "studies": ", ".join(titles)
-    }
+    text = _("Yes, when the robot can't get ready, as a researcher of: %(studies)s.")
+    return text % {"studies": ", ".join(titles)}
 
 
-def _send(
-    study: Study,
-    robot: Robot,
-    reason: str,
-    at: datetime.datetime,
-    addresses: list[str],
-    *,
-    words: tuple[str, str],
-) -> None:
-    """Send subject and text, as far as the mail server takes them."""
-    names = {
-        "study": study.title,
-        "robot": str(robot),
-        "reason": in_words(reason),
-        "at": timezone.localtime(at).strftime("%Y-%m-%d %H:%M %Z"),
-    }
-    subject, text = words
+def _send(study: Study, subject: str, text: str, values: dict[str, Any]) -> None:
+    addresses = addresses_of(study)
+    if not addresses:
+        return
+    values = values | {"study": study.title}
+    mail = EmailMessage(
+        subject % values,
+        text % values,
+        settings.DEFAULT_FROM_EMAIL,
+        bcc=addresses,
+        connection=get_connection(timeout=MAIL_SECONDS),
+    )
     try:
-        connection = get_connection(timeout=MAIL_SECONDS)
-        EmailMessage(
-            subject % names,
-            text % names,
-            settings.DEFAULT_FROM_EMAIL,
-            to=[],
-            bcc=addresses,
-            connection=connection,
-        ).send()
+        mail.send()
     except (OSError, smtplib.SMTPException) as error:
-        log.error("staff_not_notified", study=study.slug, robot=robot.name, reason=str(error))
+        robot = values["robot"].name
+        log.error("staff_not_notified", study=study.slug, robot=robot, reason=str(error))

@@ -1,9 +1,8 @@
-"""A session as its replay needs it: everything that was recorded, on one time line, as columns of
-numbers.
+"""The record of a session for its replay: everything on one time line, as columns of numbers.
 
 Times are seconds since the robot was granted, by the server's clock, with the same offsets as in
-datasets; what came before the grant (waiting in the queue) stands at 0. Metres, radians, m/s and
-rad/s in the frame of the map. Poses between two states are not stored: the page interpolates them.
+datasets; earlier times (waiting in the queue) are 0. Metres, radians, m/s and rad/s in the frame of
+the map. Poses between two states are not stored: the page interpolates them.
 """
 
 import math
@@ -12,32 +11,20 @@ from typing import Any
 
 import numpy as np
 
-from experiments.dataset.events import page_offset, robot_offset
 from experiments.dataset.states import StoredPart, StoredState
+from experiments.extraction.events import page_offset, robot_offset
 from experiments.models import Drive, TaskEvent
 from experiments.research.event_text import in_words
 from experiments.stored_states import StateReader
+from robots.floorplans import plan_content
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot
 
 # The columns, and how many decimals each has; 0 is a whole number.
 NETWORK = {"t": 3, "roundTrip": 4, "loss": 4, "fps": 4, "bitrate": 4, "frameAge": 4}
-STATES = {
-    "t": 3,
-    "x": 3,
-    "y": 3,
-    "theta": 4,
-    "localized": 0,
-    "v": 3,
-    "w": 3,
-    "charge": 3,
-    "docked": 0,
-    "clearance": 4,
-    "contacts": 0,
-}
+POSES = {"t": 3, "x": 3, "y": 3, "theta": 4, "localized": 0, "v": 3, "w": 3}
+STATES = POSES | {"charge": 3, "docked": 0, "clearance": 4, "contacts": 0}
 COMMANDS = {"t": 3, "v": 3, "w": 3, "method": 0, "way": 0, "age": 4}
-
-
-# Events of robots that would tell a blind coder the condition.
+# Events of robots that would reveal the condition to a blind coder.
 TELLING = frozenset({"door_changed", "action"})
 
 
@@ -53,8 +40,6 @@ class ReplayCommand(StoredPart):
 
 
 class Recorded(StoredState):
-    """A state with its commands as they were."""
-
     applied: list[ReplayCommand] = []
 
 
@@ -62,15 +47,17 @@ STORED = StateReader(Recorded)
 
 
 def replay(session: Session, drive: Drive | None) -> dict[str, Any]:
-    """Return the record of a session: see docs/reference/replay.md."""
     begin = (session.granted_at or session.queued_at).timestamp()
     offsets = {"robot": robot_offset(session.pk), "page": page_offset(session.pk)}
-    states, commands, words = _motion(recorded(session, begin + offsets["robot"]))
+    found = recorded(session, begin + offsets["robot"])
+    words: dict[str, int] = {}  # input methods and routes, by the numbers in the commands
+    states = _columns(STATES, [_state_row(at, state) for at, state in found])
+    commands = _columns(
+        COMMANDS, [row for at, state in found for row in _command_rows(at, state.applied, words)]
+    )
     network = _network(session, begin + offsets["page"])
     events = _events(session, drive, begin, offsets)
-    last = [column[-1] for column in (states["t"], network["t"]) if column] + [
-        event[0] for event in events[-1:]
-    ]
+    last = [*states["t"][-1:], *network["t"][-1:], *(event[0] for event in events[-1:])]
     ended = [session.ended_at.timestamp() - begin] if session.ended_at else []
     return {
         "begin": begin,
@@ -78,15 +65,26 @@ def replay(session: Session, drive: Drive | None) -> dict[str, Any]:
         "ended": session.ended_at is not None,
         "states": states,
         "commands": commands,
-        "words": words,
+        "words": list(words),
         "network": network,
         "events": events,
     }
 
 
+def player_config(session: Session, data: str, photos: list[dict[str, Any]]) -> dict[str, Any]:
+    """Return what the script of a page with a replay needs; `data` is the address of the record."""
+    robot = session.robot
+    return {
+        "data": data,
+        "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
+        "footprint": (robot.presence.factsheet or {}).get("footprint", []),
+        "photos": photos,
+    }
+
+
 def blinded(record: dict[str, Any]) -> dict[str, Any]:
-    """Return a record without what would tell a coder the condition: commands, the network, doors,
-    and what the page and the server told.
+    """Return a record without what would reveal the condition to a coder: commands, the network,
+    doors, and the events of the page and the server.
     """
     return record | {
         "commands": {name: [] for name in record["commands"]},
@@ -108,112 +106,67 @@ def recorded(session: Session, begin: float) -> list[tuple[float, Recorded]]:
     return sorted(found, key=lambda pair: (pair[0], pair[1].seq))
 
 
-def _motion(
-    states: list[tuple[float, Recorded]],
-) -> tuple[dict[str, list[Any]], dict[str, list[Any]], list[str]]:
-    """Return the columns of states and of commands, and the words (input methods, ways) that
-    numbers in the latter stand for.
-    """
-    words: dict[str, int] = {}
-    commands = [row for at, state in states for row in _command_rows(at, state.applied, words)]
-    return (
-        _columns(STATES, [_state_row(at, state) for at, state in states]),
-        _columns(COMMANDS, commands),
-        list(words),
-    )
-
-
 def _state_row(at: float, state: Recorded) -> tuple[Any, ...]:
     pose, velocity = state.pose, state.velocity
-    return (
-        at,
-        pose.x,
-        pose.y,
-        pose.theta,
-        pose.localized,
-        velocity.linear,
-        velocity.angular,
-        state.battery.charge,
-        state.docked,
-        state.clearance,
-        state.contacts,
-    )
+    posed = (at, pose.x, pose.y, pose.theta, pose.localized, velocity.linear, velocity.angular)
+    return *posed, state.battery.charge, state.docked, state.clearance, state.contacts
 
 
 def _command_rows(
     at: float, applied: list[ReplayCommand], words: dict[str, int]
 ) -> Iterable[tuple[Any, ...]]:
-    """Yield the commands of a state; the newest stands at the state's time, the others as long
-    before as they were given.
+    """Yield the commands of a state: the newest at the state's time, the others as long before it
+    as they were given.
     """
     for command in applied:
         before = min(1.0, max(0.0, applied[-1].stamp - command.stamp))
         method = words.setdefault(command.method, len(words))
-        way = words.setdefault(command.way, len(words))
-        yield max(0.0, at - before), command.linear, command.angular, method, way, command.age
+        route = words.setdefault(command.way, len(words))
+        yield max(0.0, at - before), command.linear, command.angular, method, route, command.age
 
 
 def _columns(decimals: dict[str, int], rows: list[tuple[Any, ...]]) -> dict[str, list[Any]]:
-    """Return rows as lists by name, rounded all at once; what is no number is None."""
+    """Return rows as lists by name, rounded all at once; NaN becomes None."""
     table = np.array(rows, dtype=np.float64).reshape(len(rows), len(decimals))
-    return {
-        name: _listed(table[:, index], places)
-        for index, (name, places) in enumerate(decimals.items())
-    }
-
-
-def _listed(column: np.ndarray[Any, np.dtype[np.float64]], places: int) -> list[Any]:
-    if not places:
-        return list(column.astype(int).tolist())
-    numbers = (np.round(column, places) + 0.0).tolist()
-    return (
-        list(numbers)
-        if np.isfinite(column).all()
-        else [number if math.isfinite(number) else None for number in numbers]
-    )
+    columns: dict[str, list[Any]] = {}
+    for column, (name, places) in zip(table.T, decimals.items(), strict=True):
+        if places:
+            numbers = (np.round(column, places) + 0.0).tolist()
+            columns[name] = [number if math.isfinite(number) else None for number in numbers]
+        else:
+            columns[name] = column.astype(int).tolist()
+    return columns
 
 
 def _network(session: Session, begin: float) -> dict[str, list[Any]]:
-    found = (
-        NetworkSample.objects.filter(session=session)
-        .order_by("received_at")
-        .values_list("stamp", "data")
-    )
-    names = list(NETWORK)[1:]
-    return _columns(
-        NETWORK,
-        [
-            (max(0.0, stamp - begin), *(_number(data.get(name)) for name in names))
-            for stamp, data in found
-        ],
-    )
-
-
-def _number(value: Any) -> float | None:
-    return value if isinstance(value, int | float) else None
+    samples = NetworkSample.objects.filter(session=session).order_by("received_at")
+    rows = []
+    for stamp, data in samples.values_list("stamp", "data"):
+        values = (data.get(name) for name in list(NETWORK)[1:])
+        numbers = (value if isinstance(value, int | float) else None for value in values)
+        rows.append((max(0.0, stamp - begin), *numbers))
+    return _columns(NETWORK, rows)
 
 
 def _events(
     session: Session, drive: Drive | None, begin: float, offsets: dict[str, float]
 ) -> list[list[Any]]:
-    """Return the events of a session in order of time: seconds, who says so (task, server, robot,
-    page), type, what more is known.
+    """Return the events of a session in order of time: seconds, source (task, server, robot, page),
+    type, and the data in words.
     """
-    told = SessionEvent.objects.filter(session=session).values_list(
-        "source", "type", "stamp", "data"
-    )
+    rows = SessionEvent.objects.filter(session=session)
     events = [
         [stamp - offsets.get(source, 0.0) - begin, source, kind, in_words(data)]
-        for source, kind, stamp, data in told
+        for source, kind, stamp, data in rows.values_list("source", "type", "stamp", "data")
     ]
     if drive is not None:
-        rows = TaskEvent.objects.filter(drive=drive).values_list("stamp", "type", "data")
-        events += [[stamp - begin, "task", kind, in_words(data)] for stamp, kind, data in rows]
+        tasks = TaskEvent.objects.filter(drive=drive).values_list("stamp", "type", "data")
+        events += [[stamp - begin, "task", kind, in_words(data)] for stamp, kind, data in tasks]
     return sorted([round(max(0.0, at), 3), *rest] for at, *rest in events)
 
 
 def photos_of(session: Session, begin: float) -> list[tuple[float, Snapshot]]:
-    """Return the photos of a session and when they were taken; their pictures are not read."""
+    """Return the photos of a session and when they were taken, without their images."""
     offset = robot_offset(session.pk)
     rows = Snapshot.objects.filter(session=session).defer("jpeg").order_by("stamp")
     return [(round(max(0.0, row.stamp - offset - begin), 3), row) for row in rows]

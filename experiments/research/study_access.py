@@ -1,34 +1,44 @@
-"""Who may do what with a study in the administration: its researchers by their role, superusers
-everything, all others nothing.
+"""What pages of a study share: the study of a request, who may open it, and a note of changes.
 
-Studies of others are not forbidden but absent. What a model's own permissions say counts only for
-bringing in new studies.
+Studies of others are not forbidden but absent.
 """
 
+import datetime
+from collections.abc import Callable
 from typing import Any
 
-from django.db.models import Model, QuerySet
-from django.http import Http404, HttpRequest
+from django.contrib import messages
+from django.db.models import QuerySet
+from django.http import Http404, HttpRequest, HttpResponseBase
+from django.utils import timezone
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_safe
 
-from accounts.admin_filters import ShownFilters
-from experiments.access import Role, may
+from accounts import audit
+from experiments import publishing
+from experiments.access import Role, for_role, may
 from experiments.models import Study, StudyMember
+
+MAX_DIGITS = 6  # of a version's number in an address
 
 
 def slugs_of(user: Any) -> "QuerySet[StudyMember, str]":
-    """Return the names of the studies that somebody has a part in; coders and hidden operators have
-    pages of their own alone.
+    """Return the names of the studies that a user is a member of. Coders and hidden operators do
+    not count: they have only pages of their own.
     """
-    own = (StudyMember.Role.CODER, StudyMember.Role.WIZARD)
-    members = StudyMember.objects.filter(user=user).exclude(role__in=own)
+    others = (StudyMember.Role.CODER, StudyMember.Role.WIZARD)
+    members = StudyMember.objects.filter(user=user).exclude(role__in=others)
     return members.values_list("slug", flat=True)
 
 
-def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:
-    """Return a study for a page.
+def shown_time(at: datetime.datetime | None, clock: str = "%H:%M") -> str:
+    """Return a time as pages of studies show it, "2026-11-27 13:36 CET"; a dash for none."""
+    return "–" if at is None else timezone.localtime(at).strftime(f"%Y-%m-%d {clock} %Z")
 
-    Raises:
-        Http404: there is none, or whoever asks is not at least that in it.
+
+def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:
+    """Return a study for a page; Http404 when there is none, or the user's role in it is below
+    `least`.
     """
     row = Study.objects.filter(pk=pk).first()
     if row is None or not may(request.user, row.slug, least):
@@ -36,62 +46,40 @@ def study_for(request: HttpRequest, pk: Any, least: Role) -> Study:
     return row
 
 
-class OfStudies(ShownFilters):
-    """Rows that belong to a study; `study` is the way to it, in Django's notation, empty for the
-    study itself.
+def version_of(slug: str, wanted: str) -> Study:
+    """Return a version of a study; with no number wanted the newest published one, else the newest.
+    Http404 when there is none.
     """
+    rows = Study.objects.filter(slug=slug).order_by("-version")
+    if wanted:
+        is_number = wanted.isdecimal() and len(wanted) < MAX_DIGITS
+        rows = rows.filter(version=int(wanted)) if is_number else rows.none()
+    study = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
+    if study is None:
+        raise Http404
+    return study
 
-    study = ""
 
-    def study_of(self, row: Any) -> Study:
-        """Return the study that a row belongs to."""
-        for name in filter(None, self.study.split("__")):
-            row = getattr(row, name)
-        found: Study = row
-        return found
+def viewer_page(view: Callable[..., HttpResponseBase]) -> Callable[..., HttpResponseBase]:
+    """Keep a view that only reads, and has a study's name as its first argument, to those who may
+    view the study, and its answers out of caches.
+    """
+    return never_cache(require_safe(for_role("viewer")(view)))
 
-    def slug_of(self, row: Any) -> str:
-        """Return the name of the study that a row belongs to."""
-        return self.study_of(row).slug
 
-    def get_queryset(self, request: HttpRequest) -> Any:
-        """Leave out what belongs to studies of others."""
-        rows = super().get_queryset(request)
-        user: Any = request.user
-        if user.is_superuser:
-            return rows
-        return rows.filter(
-            **{f"{self.study}__slug__in" if self.study else "slug__in": list(slugs_of(user))}
-        )
-
-    def has_module_permission(self, request: HttpRequest) -> bool:
-        """Studies are listed for whoever has a part in one, or may bring one in."""
-        user: Any = request.user
-        return bool(
-            user.is_staff
-            and (
-                user.is_superuser
-                or user.has_perm("experiments.add_study")
-                or slugs_of(user).exists()
-            )
-        )
-
-    def has_view_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """Anybody with a part in it may look."""
-        return (
-            self.has_module_permission(request)
-            if obj is None
-            else may(request.user, self.slug_of(obj), "viewer")
-        )
-
-    def has_add_permission(self, _request: HttpRequest) -> bool:
-        """Most rows come of themselves."""
-        return False
-
-    def has_change_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        """And are not changed by hand."""
-        return False
-
-    def has_delete_permission(self, _request: HttpRequest, _obj: Model | None = None) -> bool:
-        """Nor deleted."""
-        return False
+def note_change(
+    request: HttpRequest,
+    row: Study,
+    entry: str,
+    text: str = "",
+    *,
+    event: str = "study_changed",
+    **about: Any,
+) -> None:
+    """Record a change of a study in its history and in the audit trail, and show a text to the user
+    on the next page; `about` as of `audit.note`.
+    """
+    publishing.log(row, request.user, entry)
+    audit.note(event, actor=request.user, study=row.slug, **about)
+    if text:
+        messages.success(request, text)

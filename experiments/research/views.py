@@ -1,16 +1,12 @@
-"""Pages for researchers while a study runs and afterwards: the live view, and the replay of a
-session.
-"""
+"""Pages for researchers: the live view of a study, and the replay of a session."""
 
 import uuid
-from typing import Any
 
 import msgspec
 from django.http import Http404, HttpRequest, HttpResponse, JsonResponse
 from django.shortcuts import get_object_or_404, render
 from django.urls import reverse
 from django.utils import timezone
-from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 from django.views.decorators.cache import never_cache
 from django.views.decorators.gzip import gzip_page
@@ -21,30 +17,23 @@ from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.access import for_role, may, session_for
 from experiments.models import Drive, Study
-from experiments.participation.robot_eligibility import is_lent
+from experiments.participation.robot_eligibility import may_use
 from experiments.research import interventions, live
-from experiments.research.replay import photos_of, replay
+from experiments.research.replay import photos_of, player_config, replay
+from experiments.research.study_access import viewer_page
 from robots.access import may_observe, may_operate
 from robots.floorplans import plan_content
-from robots.models import Robot
 from sessions.models import Session
 
-BROKER_PATIENCE_SECONDS = 1.0
 LIVE, ACTS = Attempts("live", limit=240), Attempts("live-act", limit=60)
 
-# --- live -----------------------------------------------------------------------------------------
 
-
-@never_cache
-@require_safe
-@for_role("viewer")
+@viewer_page
 def live_page(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show who is where in a study, and keep it fresh."""
-    study = Study.objects.filter(slug=slug).order_by("-version").first()
-    if study is None:
+    versions = list(Study.objects.filter(slug=slug).order_by("-version"))
+    if not versions:
         raise Http404
     acts, robots = may(request.user, slug, "researcher"), live.robots_of(slug)
-    language = get_language() or "en"
     config = {
         "data": reverse("study_live_data", args=[slug]),
         "act": reverse("study_live_act", args=[slug]) if acts else None,
@@ -55,22 +44,14 @@ def live_page(request: HttpRequest, slug: str) -> HttpResponse:
         },
         "replay": reverse("replay", args=[uuid.UUID(int=0)]),
         "record": reverse("replay_data", args=[uuid.UUID(int=0)]),
-        "version": _shown_version(slug),
-        "courses": live.courses_of(slug, robots, language),
+        "version": live.current_version(versions).version,
+        "courses": live.courses_of(slug, robots),
         "sites": {
             robot.name: plan_content(robot.floor_plan) for robot in robots if robot.floor_plan
         },
     }
-    return render(
-        request, "experiments/research/live.html", {"study": study, "config": config, "acts": acts}
-    )
-
-
-def _shown_version(slug: str) -> int | None:
-    """Return the version whose course is shown while nobody drives."""
-    rows = Study.objects.filter(slug=slug).order_by("-version")
-    shown = rows.exclude(status=Study.Status.DRAFT).first() or rows.first()
-    return shown.version if shown is not None else None
+    context = {"study": versions[0], "config": config, "acts": acts}
+    return render(request, "experiments/research/live.html", context)
 
 
 @never_cache
@@ -78,85 +59,65 @@ def _shown_version(slug: str) -> int | None:
 @limited(LIVE, reading=True, json=True)
 @for_role("viewer")
 def live_data(_request: HttpRequest, slug: str) -> JsonResponse:
-    """Answer with what happens in a study now."""
-    return JsonResponse(live.now_in(slug, get_language() or "en", timezone.now()))
+    return JsonResponse(live.now_in(slug, timezone.now()))
 
 
 @require_POST
 @limited(ACTS, json=True)
+@for_role("researcher")
 def live_act(request: HttpRequest, slug: str) -> JsonResponse:
     """Do what a researcher asks: `act` is message, end, hold or release, on a `session` or `robot`,
     with a `text`.
     """
-    verdict = _act(request, slug)
-    return JsonResponse({"problem": verdict}, status=409 if verdict else 200)
-
-
-def _act(request: HttpRequest, slug: str) -> str:
-    """Carry out an act; return what is wrong.
-
-    Raises:
-        Http404: there is no such study, session or robot for whoever asks.
-    """
-    if not may(request.user, slug, "researcher"):
-        raise Http404
     act, text = request.POST.get("act", ""), request.POST.get("text", "").strip()
     if act not in {"message", "end", "hold", "release"}:
-        return _("Unknown action.")
-    if not text and act != "release":
-        return _("Enter a message or reason.")
-    if act in {"hold", "release"}:
-        return _hold(request, slug, act, text)
-    return _on_session(request, slug, act, text)
+        problem = _("Unknown action.")
+    elif not text and act != "release":
+        problem = _("Enter a message or reason.")
+    elif act in {"hold", "release"}:
+        problem = _act_on_robot(request, slug, act, text)
+    else:
+        problem = _act_on_session(request, slug, act, text)
+    return JsonResponse({"problem": problem}, status=409 if problem else 200)
 
 
-def _hold(request: HttpRequest, slug: str, act: str, text: str) -> str:
-    robot: Robot | None = next(
-        (robot for robot in live.robots_of(slug) if robot.name == request.POST.get("robot")), None
-    )
-    if robot is None or not (may_operate(request.user, robot) or is_lent(robot, slug)):
+def _act_on_robot(request: HttpRequest, slug: str, act: str, text: str) -> str:
+    """Pause or resume a robot's queue; return a problem, or "". Http404 when there is no such robot
+    for this user.
+    """
+    name, user = request.POST.get("robot"), request.user
+    robot = next((robot for robot in live.robots_of(slug) if robot.name == name), None)
+    if robot is None or not (may_operate(user, robot) or may_use(slug, robot)):
         raise Http404
     if act == "hold":
-        interventions.hold(robot, text, request.user, timezone.now())
-        return ""
-    return (
-        ""
-        if interventions.release(robot, request.user, timezone.now())
-        else _("Visits have already resumed.")
-    )
+        interventions.hold(robot, text, user, timezone.now())
+    elif not interventions.release(robot, user, timezone.now()):
+        return _("Visits have already resumed.")
+    return ""
 
 
-def _on_session(request: HttpRequest, slug: str, act: str, text: str) -> str:
+def _act_on_session(request: HttpRequest, slug: str, act: str, text: str) -> str:
+    """End a session, or send a message to its page; return a problem, or "". Http404 when there is
+    none.
+    """
     try:
         key = uuid.UUID(request.POST.get("session", ""))
     except ValueError as error:
         raise Http404 from error
-    drive = get_object_or_404(
-        Drive.objects.select_related("session"), session=key, participant__study__slug=slug
-    )
-    session, now = drive.session, timezone.now()
-    if session.state == Session.State.ENDED:
+    drives = Drive.objects.select_related("session")
+    session = get_object_or_404(drives, session=key, participant__study__slug=slug).session
+    given = (session, text, request.user, timezone.now())
+    is_over = session.state == Session.State.ENDED
+    if is_over or (act == "end" and not interventions.end_session(*given)):
         return _("The session has already ended.")
-    if act == "end":
-        return (
-            ""
-            if interventions.end_session(session, text, request.user, now)
-            else _("The session has already ended.")
-        )
-    return (
-        ""
-        if interventions.send_message(session, text, request.user, now)
-        else _("The message could not be sent. Try again.")
-    )
-
-
-# --- replay ---------------------------------------------------------------------------------------
+    if act == "message" and not interventions.send_message(*given):
+        return _("The message could not be sent. Try again.")
+    return ""
 
 
 @never_cache
 @require_safe
 def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Show a session again."""
     row, drive, photos = session_for(request.user, session)
     audit.note(
         "session_opened",
@@ -165,15 +126,15 @@ def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
         study=drive.participant.study.slug if drive else "",
         thing=row,
     )
+    condition = ""
+    if drive is not None:
+        definition = drive.participant.study.as_definition()
+        condition = live.condition_title(definition, drive.condition)
     begin = (row.granted_at or row.queued_at).timestamp()
-    shown = (
-        [
-            {"t": at, "url": reverse("replay_photo", args=[row.pk, photo.pk])}
-            for at, photo in photos_of(row, begin)
-        ]
-        if photos
-        else []
-    )
+    shown = [
+        {"t": at, "url": reverse("replay_photo", args=[row.pk, photo.pk])}
+        for at, photo in (photos_of(row, begin) if photos else ())
+    ]
     context = {
         "session": row,
         "drive": drive,
@@ -181,50 +142,27 @@ def replay_page(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
         "admin": request.user.is_staff
         and request.user.has_perm("telepresence_sessions.view_session"),
         "outcome": _outcome(row, drive),
-        "condition": _condition(drive) if drive is not None else "",
-        "config": _config(row, shown),
+        "condition": condition,
+        "config": player_config(row, reverse("replay_data", args=[row.pk]), shown),
     }
     return render(request, "experiments/research/replay.html", context)
 
 
 def _outcome(session: Session, drive: Drive | None) -> str:
-    """Return how the task ended, or the session, or where it stands."""
     outcome = (drive.outcome if drive is not None else "") or session.outcome
-    return str(
-        Session.Outcome(outcome).label
-        if outcome in Session.Outcome.values
-        else session.get_state_display()
-    )
-
-
-def _condition(drive: Drive) -> str:
-    return live.condition_title(
-        drive.participant.study.as_definition(), drive.condition, get_language() or "en"
-    )
-
-
-def _config(session: Session, photos: list[dict[str, Any]]) -> dict[str, Any]:
-    robot = session.robot
-    return {
-        "data": reverse("replay_data", args=[session.pk]),
-        "site": plan_content(robot.floor_plan) if robot.floor_plan else None,
-        "footprint": (robot.presence.factsheet or {}).get("footprint", []),
-        "photos": photos,
-    }
+    return str(dict(Session.Outcome.choices).get(outcome) or session.get_state_display())
 
 
 @never_cache
 @require_safe
 @gzip_page
 def replay_data(request: HttpRequest, session: uuid.UUID) -> HttpResponse:
-    """Answer with the record of a session, compact."""
     row, drive, _photos = session_for(request.user, session)
     return HttpResponse(msgspec.json.encode(replay(row, drive)), content_type="application/json")
 
 
 @require_safe
 def replay_photo(request: HttpRequest, session: uuid.UUID, photo: uuid.UUID) -> HttpResponse:
-    """Answer with a photo of the session."""
     row, _drive, photos = session_for(request.user, session)
     found = row.snapshots.filter(pk=photo).first() if photos else None
     if found is None:

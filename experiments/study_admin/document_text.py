@@ -1,57 +1,141 @@
-"""What is stored of a drive as a document, in words."""
+"""The documents that are stored with a drive, in words: what was assigned and what was recorded."""
 
+import datetime
 import json
-from collections.abc import Iterator
+import math
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
 from django.utils.translation import gettext
+from django.utils.translation import gettext_lazy as _
 
-from experiments.builder.labels import CHOICES, LABELS
+from experiments.builder.labels import CHOICES, GUIDE, LABELS, Words
+from experiments.research.study_access import shown_time
 from robots.admin import NOTHING
 
+Written = Callable[[Any], str]
 
-def in_words(content: dict[str, Any], whole: Any = None) -> str | SafeString:
-    """Return what a document says, a line each, and below it the whole as it is stored."""
-    lines = [(name, value) for name, value in _lines(content) if name]
+
+def _unit(unit: str, digits: int = 2, factor: float = 1.0) -> Written:
+    return lambda value: f"{value * factor:.{digits}f}{unit}"
+
+
+def time_text(at: datetime.datetime | None) -> str:
+    return shown_time(at, "%H:%M:%S")
+
+
+def _clock(stamp: float) -> str:
+    return time_text(datetime.datetime.fromtimestamp(stamp, datetime.UTC))
+
+
+def _duration(seconds: float) -> str:
+    minutes, rest = divmod(round(seconds), 60)
+    return f"{minutes}:{rest:02d} min"
+
+
+def _word(choices: Mapping[str, Words]) -> Written:
+    return lambda value: str(choices.get(value, value))
+
+
+# What a drive's record calls its fields, and how their values are written. Stored are radians,
+# shares from 0 to 1, and Unix times.
+DEGREES = _unit("°", 0, 180.0 / math.pi)
+PERCENT = _unit(" %", 0, 100.0)
+RECORDED: dict[str, tuple[Words, Written]] = {
+    "outcome": (_("Task outcome"), _word(CHOICES["outcomes"])),
+    "started": (_("Task started"), _clock),
+    "ended": (_("Task ended"), _clock),
+    "checkpoints": (_("Checkpoints passed after"), _duration),
+    "photo": (
+        _("Photo"),
+        _word({"": _("no answer"), "kept": _("kept"), "skipped": _("skipped")}),
+    ),
+    "doors": (_("Doors driven through"), str),
+    "doors_missed": (_("Open doors not driven through"), str),
+    "dock_contacts": (_("Attempts to dock"), str),
+    "linear": (_("Highest speed"), _unit(" m/s")),
+    "angular": (_("Highest turning speed"), _unit("°/s", 0, 180.0 / math.pi)),
+    "methods": (_("Input devices used"), _word(CHOICES["controllers"])),
+    "ways": (
+        _("Command channels used"),
+        _word({"datachannel": _("direct connection"), "mqtt": _("server")}),
+    ),
+    "actions": (_("Actions carried out"), _word(CHOICES["actions"])),
+    "began_with": (_("at the start"), str),
+    "ended_with": (_("at the end"), str),
+    "docked": (_("Docked"), str),
+    "x": (_("Position x"), _unit(" m")),
+    "y": (_("Position y"), _unit(" m")),
+    "theta": (_("Direction"), DEGREES),
+    "charge": (_("Battery charge"), PERCENT),
+    "control_network": (_("Network towards the robot"), str),
+    "video_network": (_("Network from the camera"), str),
+    "lab": (_("impairment"), str),
+    "delay": (_("Delay"), _unit(" ms", 0, 1000.0)),
+    "jitter": (_("Jitter"), _unit(" ms", 0, 1000.0)),
+    "held": (_("Mean delay of a packet"), _unit(" ms", 0, 1000.0)),
+    "loss": (_("Packet loss"), _unit(" %", 1, 100.0)),
+    "reorder": (_("Reordering"), _unit(" %", 1, 100.0)),
+    "bitrate": (_("Bit rate"), _unit(" kbit/s", 0, 0.001)),
+    "taken": (_("Packets"), str),
+    "lost": (_("Packets lost"), str),
+    "overflowed": (_("Packets over the bit rate"), str),
+    "reordered": (_("Packets overtaken"), str),
+    "waiting": (_("Packets under way at the end"), str),
+}
+
+
+def assigned_in_words(assigned: dict[str, Any]) -> str | SafeString:
+    return _listed({"condition": assigned.get("condition")}, assigned, {})
+
+
+def recorded_in_words(content: dict[str, Any]) -> str | SafeString:
+    shown = dict(content)
+    if shown.get("started") is not None:
+        # the engine stores Unix times; how long they took is what a reader compares
+        shown["checkpoints"] = [at - shown["started"] for at in shown.get("checkpoints") or ()]
+    return _listed(shown, content, RECORDED)
+
+
+def _listed(
+    content: dict[str, Any], whole: Any, known: Mapping[str, tuple[Words, Written]]
+) -> str | SafeString:
+    lines = [(name, value) for name, value in _lines(content, known) if name]
     if not lines:
         return NOTHING
     return format_html(
-        "<ul>{}</ul><details><summary>{}</summary>{}</details>",
+        "<ul>{}</ul><details><summary>{}</summary><pre>{}</pre></details>",
         format_html_join("", "<li>{}: {}</li>", lines),
         gettext("All values as stored"),
-        as_json(content if whole is None else whole),
+        json.dumps(whole, indent=2, ensure_ascii=False),
     )
 
 
-def _lines(value: Any, name: str = "", key: str = "") -> Iterator[tuple[str, Any]]:
+def _lines(
+    value: Any, known: Mapping[str, tuple[Words, Written]], name: str = "", key: str = ""
+) -> Iterator[tuple[str, str]]:
     """Yield the values of a document with their names; lists of parts by their number."""
     if isinstance(value, dict):
         for inner, one in value.items():
-            called = str(LABELS.get(inner, inner.replace("_", " ")))
-            yield from _lines(one, f"{name} · {called}" if name else called, inner)
+            called = known[inner][0] if inner in known else LABELS.get(inner, inner)
+            called = str(called).replace("_", " ")
+            yield from _lines(one, known, f"{name} · {called}" if name else called, inner)
     elif isinstance(value, list):
         is_plain = not any(isinstance(one, dict | list) for one in value)
         if value:
-            said = [str(_said(key, one)) for one in value]
-            yield name, ", ".join(said) if is_plain else len(value)
-    elif value is not None and value != "":
-        yield name, _said(key, value)
+            written = [_text(key, one, known) for one in value]
+            yield name, ", ".join(written) if is_plain else str(len(value))
+    elif value is not None and (value != "" or key == "photo"):
+        yield name, _text(key, value, known)
 
 
-def _said(key: str, value: Any) -> Any:
+def _text(key: str, value: Any, known: Mapping[str, tuple[Words, Written]]) -> str:
     if isinstance(value, bool):
         return gettext("yes") if value else gettext("no")
+    if key in known:
+        return known[key][1](value)
     if isinstance(value, float):
-        return f"{value:.4g}"
-    return CHOICES.get(key, {}).get(value, value)
-
-
-def as_json(content: Any) -> str | SafeString:
-    """Return a document as it is stored."""
-    return (
-        format_html("<pre>{}</pre>", json.dumps(content, indent=2, ensure_ascii=False))
-        if content
-        else NOTHING
-    )
+        return f"{math.degrees(value) if key in GUIDE.angles else value:.4g}"
+    return str(CHOICES.get(key, {}).get(value, value))

@@ -1,18 +1,17 @@
-"""Opening hours as people write them: a line for each day of the week, and one sentence for all of
-them.
-"""
+"""Opening hours as text: a line for each day of the week, and one sentence for all of them."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 from zoneinfo import available_timezones
 
 from django import forms
-from django.utils.dates import WEEKDAYS, WEEKDAYS_ABBR
+from django.utils.dates import WEEKDAYS
 from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
 
 from experiments.definition import opening_hours
+from experiments.participation.landing import days_in_words
 from surveys.document_forms.problem_text import sentences
 
 Hours = list[dict[str, Any]]
@@ -20,26 +19,21 @@ DAYS = tuple(f"day_{n}" for n in range(7))
 _SPAN = re.compile(r"(\d{1,2}):?(\d{2})?\s*(?:-|–|to|a)\s*(\d{1,2}):?(\d{2})?\Z", re.ASCII)
 
 
-def told_by_day(hours: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return what is written for Monday to Sunday: "09:00-13:00, 15:00-17:00", empty for a closed
-    day.
-    """
+def lines_by_day(hours: Sequence[Mapping[str, Any]]) -> dict[str, str]:
+    """Return the line of each field of DAYS: "09:00-13:00, 15:00-17:00", empty when closed."""
     spans = sorted((span["start"], span["end"], day) for span in hours for day in span["days"])
-    return [
-        ", ".join(f"{start}-{end}" for start, end, day in spans if day == number)
-        for number in range(7)
-    ]
+    return {
+        name: ", ".join(f"{start}-{end}" for start, end, day in spans if day == number)
+        for number, name in enumerate(DAYS)
+    }
 
 
-def from_days(written: Sequence[str]) -> Hours:
-    """Return opening hours from what is written for Monday to Sunday; days with the same span stand
-    together.
-
-    Raises:
-        ValueError: with the words that are no span.
+def from_days(lines: Iterable[str]) -> Hours:
+    """Return opening hours from a line for each day from Monday; days with the same span share an
+    entry. The ValueError for a text that is no span has that text.
     """
     days: dict[tuple[str, str], list[int]] = {}
-    for number, text in enumerate(written):
+    for number, text in enumerate(lines):
         for part in filter(None, (part.strip() for part in text.split(","))):
             days.setdefault(_span(part), []).append(number)
     return [
@@ -64,26 +58,16 @@ def summary(hours: Sequence[Mapping[str, Any]], time_zone: str) -> str:
     """Return opening hours in one line: "Mon-Fri 09:00-17:00 (Europe/Madrid)"."""
     if not hours:
         return gettext("always open")
-    spans = "; ".join(f"{_days(span['days'])} {span['start']}-{span['end']}" for span in hours)
-    return f"{spans} ({time_zone})"
-
-
-def _days(days: Sequence[int]) -> str:
-    runs: list[list[int]] = []
-    for day in sorted(set(days)):
-        if runs and day == runs[-1][-1] + 1:
-            runs[-1].append(day)
-        else:
-            runs.append([day])
-    return ", ".join(
-        str(WEEKDAYS_ABBR[run[0]]) + (f"-{WEEKDAYS_ABBR[run[-1]]}" if len(run) > 1 else "")
-        for run in runs
-    )
+    spans = (f"{days_in_words(one['days'], '-')} {one['start']}-{one['end']}" for one in hours)
+    return f"{'; '.join(spans)} ({time_zone})"
 
 
 class HoursForm(forms.Form):
-    """A line for each day of the week; all empty means always open."""
+    """A line for each day of the week; all empty means always open. `hours` are those of a valid
+    form.
+    """
 
+    hours: Hours
     time_zone = forms.ChoiceField(
         label=_("Time zone"),
         choices=lambda: [(name, name) for name in sorted(available_timezones())],
@@ -96,23 +80,17 @@ class HoursForm(forms.Form):
             self.fields[name] = forms.CharField(
                 label=WEEKDAYS[number], required=False, max_length=200, widget=wide
             )
-        self.hours: Hours = []
 
-    def clean(self) -> dict[str, Any]:
-        """Read the days; each that cannot be read is told at its field."""
-        cleaned = super().clean() or self.cleaned_data
-        for name in DAYS:
+    def clean(self) -> None:
+        lines = [self.cleaned_data.get(name, "") for name in DAYS]
+        for name, line in zip(DAYS, lines, strict=True):
             try:
-                from_days([cleaned.get(name, "")])
+                from_days([line])
             except ValueError as error:
-                self.add_error(
-                    name,
-                    gettext("“%(text)s” is not a time range such as 09:00-17:00.")
-                    % {"text": error},
-                )
-        if self.errors:
-            return cleaned
-        self.hours = from_days([cleaned.get(name, "") for name in DAYS])
-        for problem in sentences(opening_hours.problems(self.hours, cleaned["time_zone"])):
-            self.add_error(None, problem)
-        return cleaned
+                text = gettext("“%(text)s” is not a time range such as 09:00-17:00.")
+                self.add_error(name, text % {"text": error})
+        if not self.errors:
+            self.hours = from_days(lines)
+            zone = self.cleaned_data["time_zone"]
+            for problem in sentences(opening_hours.problems(self.hours, zone)):
+                self.add_error(None, problem)

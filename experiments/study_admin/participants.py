@@ -1,474 +1,183 @@
-"""Participants and drives in the administration: to look at, and to exclude drives with a reason.
-Nothing is edited or deleted.
-"""
+"""Participants in the administration: shown, and withdrawn on their request, never edited."""
 
-import uuid
 from typing import Any
 
-from django.contrib import admin, messages
-from django.db.models import Exists, OuterRef, QuerySet
-from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect
-from django.shortcuts import render
-from django.urls import URLPattern, path, reverse
+from django.contrib import admin
+from django.db.models import Case, Exists, F, OuterRef, QuerySet, Value, When
+from django.http import Http404, HttpRequest, HttpResponse
+from django.urls import URLPattern
 from django.utils import timezone
-from django.utils.html import format_html, format_html_join
 from django.utils.safestring import SafeString
-from django.utils.translation import gettext
+from django.utils.translation import get_language, gettext
 from django.utils.translation import gettext_lazy as _
-from django.views.decorators.cache import never_cache
 
 from accounts import audit
-from experiments import publishing
 from experiments.access import may
-from experiments.builder.labels import GUIDE
-from experiments.models import Drive, Participant, Study
-from experiments.research.study_access import OfStudies
-from experiments.study_admin.document_text import in_words
-from experiments.study_admin.filters import (
-    ENDINGS,
+from experiments.builder.labels import ENDING_NAMES
+from experiments.definition.recruitment.quality_flags import Grade, QualityFlag
+from experiments.models import Drive, Participant, StudyMember
+from experiments.participation.withdrawal import deletion
+from experiments.participation.withdrawal import receipt as receipts
+from experiments.study_admin.rows import (
     CompletionFilter,
-    ExcludedFilter,
     LanguageFilter,
-    MismatchFilter,
     StudyFilter,
-    StudyOfDriveFilter,
+    StudyRows,
+    by_line,
+    column,
+    section,
 )
 from robots.admin import NOTHING, link_to
 from surveys.document_forms.fields import language_name
 
-LEAST_REASON, MOST_REASON = 3, 300
+GRADE_NAMES = {Grade.NOTE: _("note"), Grade.DOUBTFUL: _("doubtful"), Grade.SERIOUS: _("serious")}
+FLAG_NAMES: dict[QualityFlag, Any] = {
+    "attention_check": _("failed an attention check"),
+    "speeding": _("answered too fast"),
+    "straight_lining": _("gave the same answer throughout"),
+    "never_moved": _("never moved the robot"),
+    "regular_input": _("drove like a program"),
+    "frozen_video": _("saw frozen video"),
+    "same_network": _("shares a network with others"),
+    "same_id": _("shares a recruitment id with others"),
+}
 
 
-class StudyRows(OfStudies):
-    """Rows of a study, with its tabs above them: above a list as soon as a study is chosen."""
+def _draws(row: Participant) -> SafeString:
+    lines = (
+        (
+            f"{timezone.localtime(one.at):%Y-%m-%d %H:%M} · " if one.at else "",
+            one.cell,
+            one.get_reason_display(),
+            ", ".join(f"{cell} {count}" for cell, count in one.counts.items()),
+            one.seed if one.seed is not None else NOTHING,
+        )
+        for one in row.draws.order_by("number")
+    )
+    return by_line(gettext("{}{}: {}; places taken: {}; seed {}"), lines)
 
-    study_tab = ""
 
-    def changelist_view(self, request: HttpRequest, extra_context: Any = None) -> HttpResponse:
-        """Show the tabs of the chosen study."""
-        chosen = request.GET.get(StudyFilter.parameter_name, "")
-        study = Study.objects.filter(pk=chosen).first() if is_uuid(chosen) else None
-        return super().changelist_view(request, {**(extra_context or {}), **self._tabs_of(study)})
+def _quality_flags(row: Participant) -> str | SafeString:
+    """Return what the checks of the participant's data found, the most serious first; they exclude
+    no participant.
+    """
+    # with NumPy, which other pages need not load
+    from experiments.recruitment.quality import flags_of_study  # noqa: PLC0415
 
-    def render_change_form(
-        self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
-    ) -> Any:
-        """Show the tabs of the row's study."""
-        context |= self._tabs_of(self.study_of(context["original"]))
-        return super().render_change_form(request, context, *args, **options)
+    flags = flags_of_study(row.study, [row.code])
+    lines = ((GRADE_NAMES[one.grade], FLAG_NAMES[one.name], one.value) for one in flags)
+    return by_line("{}: {} ({})", lines) or gettext("none")
 
-    def _tabs_of(self, study: Study | None) -> dict[str, Any]:
-        return {} if study is None else {"study": study, "study_tab": self.study_tab}
+
+def _drives(row: Participant) -> SafeString:
+    drives = (
+        (one.pk, f"{one.number} · {one.condition} · {one.outcome or NOTHING}")
+        for one in row.drives.order_by("number")
+    )
+    page = "admin:experiments_drive_change"
+    return by_line("{}", ((link_to(page, text, key),) for key, text in drives))
 
 
 @admin.register(Participant)
 class ParticipantAdmin(StudyRows):
-    """Who takes part. Viewers see codes, not people."""
+    """Participants. Viewers see their codes, not who they are."""
 
     study = "study"
     study_tab = "participants"
-    show_full_result_count = False
     list_display = (
-        "code",
-        "study",
-        "kind",
-        "status",
-        "where",
-        "condition",
-        "drive_count",
-        "created_at",
-        "seen_at",
+        *("code", "study", "kind", "status", "where", "condition"),
+        *("has_drives", "ending", "known_id", "created_at", "seen_at"),
     )
     list_filter = (
         StudyFilter,
-        "kind",
-        "status",
-        "stage",
+        *("kind", "status", "stage"),
         ("completion", CompletionFilter),
         "access",
         ("language", LanguageFilter),
     )
     list_select_related = ("study", "user")
-    list_per_page = 50
-    search_fields = ("code",)
+    search_fields = ("code", "visible_id")
+    search_help_text = _("Search by participant code or by the id of a recruitment site.")
     date_hierarchy = "created_at"
-    readonly_fields = (
-        "person",
-        "drives_told",
-        "language_name",
-        "came_with",
-        "condition",
-        "drawn_among",
-        "ending",
+    change_form_template = "admin/experiments/participant/change_form.html"
+
+    where = column(_("current step"), lambda row: row.step, ordering="step")
+    condition = column(_("condition"), lambda row: ", ".join(row.conditions), ordering="cell")
+    has_drives = column(_("drives"), lambda row: getattr(row, "has_driven", False), boolean=True)
+    ending = column(_("completion"), lambda row: ENDING_NAMES.get(row.completion, ""))
+    known_id = column(_("recruitment id"), lambda row: row.visible_id, ordering="visible_id")
+    person = column(_("person"), lambda row: row.user.shown_name if row.user is not None else "")
+    language_name = column(_("language"), lambda row: language_name(row.language))
+    came_with = column(
+        _("recruitment"),
+        lambda row: ", ".join(f"{name} {value}" for name, value in row.recruitment.items()),
     )
+    draw_list = column(_("draws"), _draws)
+    drive_list = column(_("drives"), _drives)
+    quality = column(_("quality flags"), _quality_flags)
 
     def get_fieldsets(
         self, request: HttpRequest, obj: Participant | None = None
     ) -> list[tuple[Any, dict[str, Any]]]:
-        """The person is shown to researchers alone."""
         is_known = obj is not None and may(request.user, obj.study.slug, "researcher")
-        who = (
-            "code",
-            "study",
-            "kind",
-            "access",
-            "language_name",
-            *(("person", "came_with", "age") if is_known else ()),
-        )
+        who = ("person", "recruitment_id", "came_with", "age") if is_known else ()
         return [
-            (None, {"fields": who}),
-            (
-                _("Assignment"),
-                {
-                    "fields": (
-                        "cell",
-                        "condition",
-                        "drawn_among",
-                        "draw_seed",
-                        "assigned_at",
-                        "stage",
-                    )
-                },
-            ),
-            (
+            section(None, "code", "study", "kind", "access", "language_name", *who),
+            section(_("Assignment"), "cell", "condition", "draw_list", "stage"),
+            section(
                 _("Progress"),
-                {
-                    "fields": (
-                        "status",
-                        "visit",
-                        "step",
-                        "round",
-                        "created_at",
-                        "seen_at",
-                        "finished_at",
-                        "ending",
-                    )
-                },
+                *("status", "visit", "step", "round"),
+                *("created_at", "seen_at", "finished_at", "ending"),
             ),
-            (_("Withdrawn"), {"fields": ("withdrawn_at", "withdrawn_step")}),
-            (_("Drives"), {"fields": ("drives_told",)}),
+            section(_("Withdrawn"), "withdrawn_at", "withdrawn_step", "withdrawn_stage"),
+            section(_("Drives"), "drive_list"),
+            *([section(_("Quality"), "quality")] if is_known else []),
         ]
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Participant]":
-        """Tell in the same query who has driven."""
+        """Read in the same query who has driven, and the recruitment ids that this user may see:
+        viewers can neither read nor search them.
+        """
         rows: QuerySet[Participant] = super().get_queryset(request)
-        return rows.annotate(has_driven=Exists(Drive.objects.filter(participant=OuterRef("pk"))))
+        known: Any = F("recruitment_id")
+        if not request.user.is_superuser:
+            ranks = (StudyMember.Role.OWNER, StudyMember.Role.RESEARCHER)
+            own = StudyMember.objects.filter(user=request.user, role__in=ranks)
+            known = Case(
+                When(study__slug__in=list(own.values_list("slug", flat=True)), then=known),
+                default=Value(""),
+            )
+        drives = Drive.objects.filter(participant=OuterRef("pk"))
+        return rows.annotate(has_driven=Exists(drives), visible_id=known)
 
-    def change_view(
-        self, request: HttpRequest, object_id: str, form_url: str = "", extra_context: Any = None
-    ) -> HttpResponse:
-        """Note who was shown which person."""
+    def change_view(self, request: HttpRequest, object_id: str, *args: Any, **options: Any) -> Any:
         row: Any = self.get_object(request, object_id)
         if row is not None and may(request.user, row.study.slug, "researcher"):
-            audit.note(
-                "person_opened",
-                actor=request.user,
-                person=row.user_id,
-                study=row.study.slug,
-                thing=row,
-            )
-        return super().change_view(request, object_id, form_url, extra_context)
-
-    @admin.display(description=_("person"))
-    def person(self, row: Participant) -> str:
-        """Return the user's shown name."""
-        return row.user.shown_name if row.user is not None else NOTHING
-
-    @admin.display(description=_("current step"), ordering="step")
-    def where(self, row: Participant) -> str:
-        """Return the step on which they stand."""
-        return row.step or NOTHING
-
-    @admin.display(description=_("condition"), ordering="cell")
-    def condition(self, row: Participant) -> str:
-        """Return their conditions in order."""
-        return ", ".join(row.conditions) or NOTHING
-
-    @admin.display(description=_("language"))
-    def language_name(self, row: Participant) -> str:
-        """Return what their language is called."""
-        return language_name(row.language)
-
-    @admin.display(description=_("recruitment"))
-    def came_with(self, row: Participant) -> str:
-        """Return the parameters of the link that they came by."""
-        return ", ".join(f"{name} {value}" for name, value in row.recruitment.items()) or NOTHING
-
-    @admin.display(description=_("randomised among"))
-    def drawn_among(self, row: Participant) -> str:
-        """Return the cells that theirs was drawn from."""
-        return ", ".join(row.candidates) or NOTHING
-
-    @admin.display(description=_("completion"))
-    def ending(self, row: Participant) -> Any:
-        """Return how taking part ended."""
-        return ENDINGS.get(row.completion, NOTHING)
-
-    @admin.display(description=_("drives"), boolean=True)
-    def drive_count(self, row: Participant) -> bool:
-        """Tell whether they ever had the robot."""
-        return bool(getattr(row, "has_driven", False))
-
-    @admin.display(description=_("drives"))
-    def drives_told(self, row: Participant) -> str | SafeString:
-        """Return their drives with links."""
-        drives = row.drives.order_by("number")
-        lines = (
-            (
-                link_to(
-                    "admin:experiments_drive_change",
-                    f"{one.number} · {one.condition} · {one.outcome or NOTHING}",
-                    one.pk,
-                ),
-            )
-            for one in drives
-        )
-        return format_html_join(format_html("<br>"), "{}", lines) or NOTHING
-
-
-@admin.register(Drive)
-class DriveAdmin(StudyRows):
-    """Drives: what was assigned, what was applied, how the task went; excluded and taken back with
-    a reason.
-    """
-
-    study = "participant__study"
-    study_tab = "drives"
-    show_full_result_count = False
-    list_display = (
-        "granted_at",
-        "code",
-        "study_name",
-        "number",
-        "condition",
-        "exposed",
-        "outcome_told",
-        "as_assigned",
-        "is_counted",
-    )
-    list_filter = (
-        StudyOfDriveFilter,
-        "participant__kind",
-        "participant__status",
-        "condition",
-        "outcome",
-        "exposed",
-        MismatchFilter,
-        ExcludedFilter,
-    )
-    list_select_related = ("participant__study", "session")
-    list_per_page = 50
-    search_fields = ("participant__code",)
-    date_hierarchy = "granted_at"
-    readonly_fields = (
-        "code",
-        "study_name",
-        "session_link",
-        "replay",
-        "outcome_told",
-        "assigned_told",
-        "applied_told",
-        "result_told",
-        "ends_told",
-        "differs",
-        "excluded",
-    )
-    fieldsets = (
-        (
-            None,
-            {
-                "fields": (
-                    "code",
-                    "study_name",
-                    "session_link",
-                    "replay",
-                    "step",
-                    "visit",
-                    "round",
-                    "number",
-                    "condition",
-                    "seed",
-                )
-            },
-        ),
-        (
-            _("Outcome"),
-            {
-                "fields": (
-                    "granted_at",
-                    "exposed",
-                    "outcome_told",
-                    "settled_at",
-                    "result_told",
-                    "ends_told",
-                )
-            },
-        ),
-        (_("Condition"), {"fields": ("differs", "assigned_told", "applied_told")}),
-        (_("Excluded"), {"fields": ("excluded",)}),
-    )
-    change_form_template = "admin/experiments/drive/change_form.html"
-
-    @admin.display(description=_("participant"), ordering="participant__code")
-    def code(self, row: Drive) -> str | SafeString:
-        """Return the participant's code, with a link."""
-        return link_to(
-            "admin:experiments_participant_change", row.participant.code, row.participant_id
-        )
-
-    @admin.display(description=_("study"), ordering="participant__study")
-    def study_name(self, row: Drive) -> str:
-        """Return the study and its version."""
-        return f"{row.participant.study.slug} {row.participant.study.version}"
-
-    @admin.display(description=_("as assigned"), boolean=True)
-    def as_assigned(self, row: Drive) -> bool:
-        """Tell whether everything was as the condition says."""
-        return not row.mismatches
-
-    @admin.display(description=_("included"), boolean=True)
-    def is_counted(self, row: Drive) -> bool:
-        """Tell whether nobody excluded it."""
-        return not row.excluded_reason
-
-    @admin.display(description=_("task outcome"), ordering="outcome")
-    def outcome_told(self, row: Drive) -> Any:
-        """Return how the task ended."""
-        return GUIDE.word("outcomes", row.outcome) if row.outcome else NOTHING
-
-    @admin.display(description=_("session"))
-    def session_link(self, row: Drive) -> str | SafeString:
-        """Return the way to the session."""
-        return link_to("admin:telepresence_sessions_session_change", row.session_id, row.session_id)
-
-    @admin.display(description=_("replay"))
-    def replay(self, row: Drive) -> str | SafeString:
-        """Return the way to its replay."""
-        return link_to("replay", gettext("Replay"), row.session_id)
-
-    @admin.display(description=_("assigned"))
-    def assigned_told(self, row: Drive) -> str | SafeString:
-        """Return what was assigned."""
-        return in_words({"condition": row.assigned.get("condition")}, row.assigned)
-
-    @admin.display(description=_("applied"))
-    def applied_told(self, row: Drive) -> str | SafeString:
-        """Return what was in force."""
-        return in_words(row.applied)
-
-    @admin.display(description=_("result"))
-    def result_told(self, row: Drive) -> str | SafeString:
-        """Return what the task came to."""
-        return in_words(row.result)
-
-    @admin.display(description=_("robot at start and end"))
-    def ends_told(self, row: Drive) -> str | SafeString:
-        """Return how the robot stood in the first and in the last state."""
-        return in_words({"start state": row.began_with, "end state": row.ended_with})
-
-    @admin.display(description=_("differs"))
-    def differs(self, row: Drive) -> str:
-        """Return what was not as assigned."""
-        return ", ".join(row.mismatches) or NOTHING
-
-    @admin.display(description=_("excluded"))
-    def excluded(self, row: Drive) -> str:
-        """Return who excluded it, when and why."""
-        if not row.excluded_reason:
-            return gettext("no")
-        who = row.excluded_by.shown_name if row.excluded_by is not None else NOTHING
-        return (
-            f"{row.excluded_reason} ({who}, {timezone.localtime(row.excluded_at):%Y-%m-%d %H:%M})"
-            if row.excluded_at
-            else row.excluded_reason
-        )
+            study, person = row.study.slug, row.user_id
+            audit.note("person_opened", actor=request.user, person=person, study=study, thing=row)
+        return super().change_view(request, object_id, *args, **options)
 
     def get_urls(self) -> list[URLPattern]:
-        """Add the page that excludes."""
-        page = self.admin_site.admin_view(never_cache(self.exclude_view))
-        return [
-            path("<uuid:pk>/exclude/", page, name="experiments_drive_exclude"),
-            *super().get_urls(),
-        ]
+        return [self.row_path(self.withdraw_view, "withdraw"), *super().get_urls()]
 
-    def render_change_form(
-        self, request: HttpRequest, context: dict[str, Any], *args: Any, **options: Any
-    ) -> Any:
-        """Offer exclusion to researchers."""
-        row = context.get("original")
-        context["may_exclude"] = row is not None and may(
-            request.user, row.participant.study.slug, "researcher"
-        )
-        return super().render_change_form(request, context, *args, **options)
-
-    def exclude_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Ask why a drive is excluded, or taken back; both need a reason, and both are noted."""
-        row = Drive.objects.select_related("participant__study").filter(pk=pk).first()
-        if row is None or not may(request.user, row.participant.study.slug, "researcher"):
+    def withdraw_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+        """Ask for the participant's code; once it is repeated, delete everything and show the
+        receipt that participants get on the page “Your data”.
+        """
+        row = self.row_for(request, pk, "researcher")
+        if row.status == Participant.Status.WITHDRAWN:
             raise Http404
-        reason, error = request.POST.get("reason", "").strip(), ""
-        if request.method == "POST":
-            error = (
-                ""
-                if LEAST_REASON <= len(reason) <= MOST_REASON
-                else gettext("Enter a reason of at most %(n)d characters.") % {"n": MOST_REASON}
-            )
-            if not error:
-                self._set(request, row, reason, exclude="exclude" in request.POST)
-                return HttpResponseRedirect(
-                    reverse("admin:experiments_drive_change", args=[row.pk])
-                )
-        title = (
-            gettext("Undo the exclusion") if row.excluded_reason else gettext("Exclude this drive")
-        )
-        context = self.admin_site.each_context(request) | {
-            "title": title,
-            "opts": self.opts,
-            "study": row.participant.study,
-            "study_tab": self.study_tab,
-            "drive": row,
-            "error": error,
-            "reason": reason,
-        }
-        return render(request, "admin/experiments/drive/exclude.html", context)
-
-    @staticmethod
-    def _set(request: HttpRequest, row: Drive, reason: str, *, exclude: bool) -> None:
-        act = "drive_excluded" if exclude else "drive_included"
-        audit.note(
-            act,
-            actor=request.user,
-            person=row.participant.user_id,
-            study=row.participant.study.slug,
-            thing=row,
-        )
-        told = {
-            "excluded_reason": reason,
-            "excluded_by": request.user,
-            "excluded_at": timezone.now(),
-        }
-        rows = Drive.objects.filter(pk=row.pk)
-        if exclude:
-            rows.update(**told)
-            publishing.log(row, request.user, f"Excluded: {reason}")
-            messages.success(
-                request,
-                gettext(
-                    "Drive excluded. You get each table both with and without excluded drives."
-                ),
-            )
-        else:
-            rows.update(excluded_reason="", excluded_by=None, excluded_at=None)
-            publishing.log(
-                row, request.user, f"Not excluded any more: {reason} (was: {row.excluded_reason})"
-            )
-            messages.success(request, gettext("The drive is included again."))
-
-
-def is_uuid(text: str) -> bool:
-    """Tell whether a text is the id of a row, as it stands in addresses."""
-    try:
-        uuid.UUID(text)
-    except ValueError:
-        return False
-    return True
+        context: dict[str, Any] = {"title": gettext("Withdraw a participant")}
+        code = request.POST.get("code", "").strip().upper()
+        if request.method == "POST" and code == row.code:
+            now = timezone.now()
+            receipt = receipts.of(row, get_language() or "", now)
+            # as all that is kept of it
+            day = now.replace(hour=0, minute=0, second=0, microsecond=0)
+            audit.note("participant_withdrawn", actor=request.user, study=row.study.slug, at=day)
+            deletion.leave(row, now)
+            context |= {"receipt": receipt, "signed": receipts.signed(receipt)}
+        elif request.method == "POST":
+            context["error"] = gettext("This is not the participant's code.")
+        status = 422 if "error" in context else 200
+        return self.row_page(request, row, "withdraw", context, status)

@@ -1,5 +1,5 @@
-"""The plan of a study in the administration: its preregistration to read and download, what was
-done differently, and the power by simulation. Mixed into the studies' administration.
+"""The plan of a study in the administration: its preregistration, the deviations from it, and the
+power by simulation. Mixed into the studies' administration.
 """
 
 import json
@@ -7,24 +7,23 @@ import subprocess
 from typing import Any
 
 from django import forms
-from django.contrib import messages
 from django.core.validators import MaxLengthValidator
-from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.urls import URLPattern, path, reverse
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import redirect
+from django.urls import URLPattern
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy, ngettext
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
-from accounts import audit
-from experiments import publishing
 from experiments.access import may
-from experiments.analysis.dataset.records import FreezeRecord
 from experiments.analysis.plan.preregistration import preregistration
-from experiments.dataset.freeze import freeze_of
+from experiments.builder.study_page import StudyPages
+from experiments.dataset.records import FreezeRecord
+from experiments.extraction.answers import questionnaires_of
+from experiments.extraction.build import freeze_of
 from experiments.models import Study
 from experiments.research.analysis_cache import command, environment
-from experiments.research.study_access import study_for
+from experiments.research.study_access import note_change
 
 STUDIES = 500  # simulated for each number: a page does not wait long
 SECONDS = 120.0
@@ -33,20 +32,18 @@ MOST_SIZES, MOST_PARTICIPANTS, MOST_TEXT = 8, 1000, 20_000
 
 
 class PowerForm(forms.Form):
-    """For how many participants the power is simulated."""
-
     participants = forms.CharField(
         label=gettext_lazy("Numbers of participants"), initial=SIZES, max_length=80
     )
 
     def clean_participants(self) -> str:
-        """Return the numbers with commas between."""
         words = self.cleaned_data["participants"].replace(",", " ").split()
-        is_fine = all(
-            word.isascii() and word.isdigit() and 1 <= int(word) <= MOST_PARTICIPANTS
-            for word in words
-        )
-        if not is_fine or not 1 <= len(words) <= MOST_SIZES:
+        are_numbers = all(word.isascii() and word.isdigit() for word in words)
+        if (
+            not are_numbers
+            or not 1 <= len(words) <= MOST_SIZES
+            or not all(1 <= int(word) <= MOST_PARTICIPANTS for word in words)
+        ):
             raise forms.ValidationError(
                 _("Write up to %(most)d numbers from 1 to %(greatest)d, separated by commas.")
                 % {"most": MOST_SIZES, "greatest": MOST_PARTICIPANTS}
@@ -55,8 +52,6 @@ class PowerForm(forms.Form):
 
 
 class DeviationsForm(forms.Form):
-    """What was done differently than planned."""
-
     deviations = forms.CharField(
         label=gettext_lazy("Deviations from the plan"),
         required=False,
@@ -68,85 +63,54 @@ class DeviationsForm(forms.Form):
     )
 
 
-class PlanPages:
-    """The page of a plan, and what it leads to."""
-
+class PlanPages(StudyPages):
     def plan_urls(self) -> list[URLPattern]:
-        """Return their addresses."""
-        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
+        text, deviations = require_safe(self.preregistration_view), self.deviations_view
+        power = require_POST(self.power_view)
         return [
-            path(
-                "<uuid:pk>/plan/",
-                guard(never_cache(require_safe(self.plan_view))),
-                name="experiments_study_plan",
-            ),
-            path(
-                "<uuid:pk>/plan/preregistration.md",
-                guard(require_safe(self.preregistration_view)),
-                name="experiments_study_preregistration",
-            ),
-            path(
-                "<uuid:pk>/plan/power/",
-                guard(never_cache(require_POST(self.power_view))),
-                name="experiments_study_power",
-            ),
-            path(
-                "<uuid:pk>/plan/deviations/",
-                guard(require_POST(self.deviations_view)),
-                name="experiments_study_deviations",
-            ),
+            self.study_path("plan/", require_safe(self.plan_view), "plan"),
+            self.study_path("plan/preregistration.md", text, "preregistration"),
+            self.study_path("plan/power/", power, "power", "researcher"),
+            self.study_path("plan/deviations/", require_POST(deviations), "deviations", "owner"),
         ]
 
-    def plan_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the plan of a study."""
-        return self._plan(request, study_for(request, pk, "viewer"), PowerForm())
+    def plan_view(self, request: HttpRequest, row: Study) -> HttpResponse:
+        return self._plan(request, row, PowerForm())
 
-    def preregistration_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Return the text of the preregistration as a file."""
-        row = study_for(request, pk, "viewer")
+    def preregistration_view(self, _request: HttpRequest, row: Study) -> HttpResponse:
         name = f"{row.slug}-{row.version}-preregistration.md"
         return HttpResponse(
-            preregistration(row.as_definition(), freeze_of(row)),
+            preregistration(row.as_definition(), freeze_of(row), questionnaires_of(row)),
             content_type="text/markdown; charset=utf-8",
             headers={"Content-Disposition": f'attachment; filename="{name}"'},
         )
 
-    def power_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the power for some numbers of participants."""
-        row, form = study_for(request, pk, "researcher"), PowerForm(request.POST)
+    def power_view(self, request: HttpRequest, row: Study) -> HttpResponse:
+        form = PowerForm(request.POST)
         if not form.is_valid():
             return self._plan(request, row, form, status=422)
-        found, why = _simulated(row, form.cleaned_data["participants"])
-        return self._plan(
-            request,
-            row,
-            form,
-            power=found and by_test(found),
-            failure=why,
-            status=200 if found else 503,
-        )
+        table, failure = _simulated(row, form.cleaned_data["participants"])
+        power = table and by_test(table)
+        status = 200 if table else 503
+        return self._plan(request, row, form, status=status, power=power, failure=failure)
 
-    def deviations_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Keep what the owners say of deviations from the plan."""
-        row, form = study_for(request, pk, "owner"), DeviationsForm(request.POST)
+    def deviations_view(self, request: HttpRequest, row: Study) -> HttpResponse:
+        form = DeviationsForm(request.POST)
         if not form.is_valid():
             return self._plan(request, row, PowerForm(), deviations=form, status=422)
         Study.objects.filter(pk=row.pk).update(deviations=form.cleaned_data["deviations"])
-        publishing.log(row, request.user, "Changed: deviations from the plan.")
-        audit.note("study_changed", actor=request.user, study=row.slug, detail="deviations")
-        messages.success(request, _("Saved."))
-        return HttpResponseRedirect(reverse("admin:experiments_study_plan", args=[row.pk]))
+        entry = "Changed: deviations from the plan."
+        note_change(request, row, entry, _("Saved."), detail="deviations")
+        return redirect("admin:experiments_study_plan", row.pk)
 
     def _plan(
         self, request: HttpRequest, row: Study, form: PowerForm, status: int = 200, **more: Any
     ) -> HttpResponse:
         definition, freeze = row.as_definition(), freeze_of(row)
         context = {
-            "study_tab": "overview",
-            "sharing_tab": "",
             "plan": definition.plan,
             "analyses": definition.analyses,
-            "text": preregistration(definition, freeze),
+            "text": preregistration(definition, freeze, questionnaires_of(row)),
             "freeze": freeze,
             "data_then": data_when_frozen(freeze),
             "form": form,
@@ -154,11 +118,10 @@ class PlanPages:
             "is_owner": may(request.user, row.slug, "owner"),
             "deviations": DeviationsForm({"deviations": row.deviations}),
         }
-        response: HttpResponse = self._page(  # type: ignore[attr-defined]
-            request, row, "plan", _("Plan and power"), **(context | more)
+        title = _("Plan and power")
+        return self.study_page(
+            request, row, "plan", title, context | more, tab="overview", status=status
         )
-        response.status_code = status
-        return response
 
 
 def by_test(found: dict[str, Any]) -> dict[str, Any]:
@@ -187,31 +150,25 @@ def data_when_frozen(freeze: FreezeRecord) -> str:
     """Return in the page's language who had joined a study when it was frozen."""
     if freeze.before_data is None:
         return ""
-    told = (
-        _("No participant of this version had joined before that.")
-        if freeze.before_data
-        else _("A participant of this version had already joined.")
-    )
+    text = _("A participant of this version had already joined.")
+    if freeze.before_data:
+        text = _("No participant of this version had joined before that.")
     if not freeze.earlier:
-        return told
+        return text
     earlier = ngettext(
         "%(n)d participant had joined an earlier version, whose data were known.",
         "%(n)d participants had joined earlier versions, whose data were known.",
         freeze.earlier,
     )
-    return f"{told} {earlier % {'n': freeze.earlier}}"
+    return f"{text} {earlier % {'n': freeze.earlier}}"
 
 
 def _simulated(row: Study, sizes: str) -> tuple[dict[str, Any] | None, str]:
     """Return the table of a simulation, made by a process of its own, or why there is none."""
-    words = command(
-        "power",
-        f"{row.slug}:{row.version}",
-        *("--participants", sizes, "--studies", str(STUDIES), "--json"),
-    )
+    options = ("--participants", sizes, "--studies", str(STUDIES), "--json")
     try:
         done = subprocess.run(
-            words,
+            command("power", f"{row.slug}:{row.version}", *options),
             env=environment(),
             check=True,
             capture_output=True,
@@ -222,5 +179,4 @@ def _simulated(row: Study, sizes: str) -> tuple[dict[str, Any] | None, str]:
         return None, _("The simulation took too long. Try fewer or smaller numbers.")
     except subprocess.CalledProcessError as error:
         return None, (error.stderr or "").strip().rpartition("\n")[2]
-    found: dict[str, Any] = json.loads(done.stdout)
-    return found, ""
+    return json.loads(done.stdout), ""

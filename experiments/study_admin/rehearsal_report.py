@@ -1,5 +1,5 @@
-"""A rehearsal in words: how far it is, and what was found, by condition, each with the page of the
-builder on which it is corrected.
+"""A rehearsal as text: its progress, and its issues by condition, each with the page of the builder
+on which it is corrected.
 """
 
 import datetime
@@ -14,46 +14,38 @@ from django.utils.translation import ngettext
 from experiments.builder.pages import BuilderPlace
 from experiments.builder.views import LinkedProblem, address
 from experiments.definition.schema import StudyDefinition
-from experiments.models import Rehearsal, Study
+from experiments.models import Rehearsal
 from experiments.rehearsal import runs
-from experiments.rehearsal.issues import Issue
-from surveys.documents import spoken
+from experiments.rehearsal.report import Issue
+from experiments.research.live import condition_title
 
 Groups = dict[str, list[LinkedProblem]]  # by the title of the condition
 
 
 def state_text(row: Rehearsal, now: datetime.datetime) -> str:
-    """Return how far a rehearsal is, or how it ended."""
-    told = {"host": row.host or "?", "reason": row.reason}
     if runs.is_lost(row, now):
-        told["time"] = timezone.localtime(row.seen_at).strftime("%H:%M")
-        return (
-            _(
-                "Failed: its process on %(host)s has given no sign of life since %(time)s. That "
-                "computer may have been restarted. You can start another rehearsal."
-            )
-            % told
+        text = _(
+            "Failed: its process on %(host)s has given no sign of life since %(time)s. That "
+            "computer may have been restarted. You can start another rehearsal."
         )
+        return text % {
+            "host": row.host or "?",
+            "time": f"{timezone.localtime(row.seen_at):%H:%M %Z}",
+        }
     match row.status:
         case runs.Status.WAITING:
             return _waiting(row, now)
         case runs.Status.RUNNING:
-            return _running(row.progress, told["host"])
+            return _running(row.progress, row.host or "?")
         case runs.Status.STOPPED:
             name = row.ended_by.shown_name if row.ended_by is not None else _("a researcher")
             return _("Ended by %(name)s before it was finished.") % {"name": name}
         case runs.Status.FAILED:
-            return _("Failed: %(reason)s") % told
+            return _("Failed: %(reason)s") % {"reason": row.reason}
     if row.passed:
         return _("Passed.")
-    n = _problem_count(row)
+    n = sum(one.is_problem for one in _issues(row)) or len(row.report.get("problems") or ())
     return ngettext("%(n)d problem found.", "%(n)d problems found.", n) % {"n": n}
-
-
-def _problem_count(row: Rehearsal) -> int:
-    """Return how many problems the page lists."""
-    issues = _issues(row)
-    return sum(one.is_problem for one in issues) or len(row.report.get("problems") or ())
 
 
 def _issues(row: Rehearsal) -> list[Issue]:
@@ -75,50 +67,30 @@ def _waiting(row: Rehearsal, now: datetime.datetime) -> str:
 def _running(progress: dict[str, int], host: str) -> str:
     if not progress:
         return _("Preparing a copy of the site on %(host)s.") % {"host": host}
-    told = {"host": host, **progress}
-    if progress["bots"] >= progress["of_bots"]:
-        return _("All %(of_bots)d bots have finished. Evaluating their data on %(host)s.") % told
-    return (
-        _(
-            "Running on %(host)s: %(conditions)d of %(of_conditions)d conditions driven, "
-            "%(bots)d of %(of_bots)d bots finished."
-        )
-        % told
+    text = _(
+        "Running on %(host)s: %(conditions)d of %(of_conditions)d conditions driven, "
+        "%(bots)d of %(of_bots)d bots finished."
     )
+    if progress["bots"] >= progress["of_bots"]:
+        text = _("All %(of_bots)d bots have finished. Evaluating their data on %(host)s.")
+    return text % {"host": host, **progress}
 
 
-# --- what was found -------------------------------------------------------------------------------
-
-
-def issues_of(row: Rehearsal, language: str) -> tuple[Groups, Groups]:
+def issues_of(row: Rehearsal) -> tuple[Groups, Groups]:
     """Return the problems and the notes of a rehearsal; of an old one the sentences alone."""
-    found = _issues(row)
-    if not found:
-        whole = _("The whole study")
-        plain = (row.report.get("problems"), row.report.get("notes"))
-        first, second = ({whole: [LinkedProblem(text) for text in some or ()]} for some in plain)
-        return {k: v for k, v in first.items() if v}, {k: v for k, v in second.items() if v}
-    problems, notes = [], []
-    for one in found:
-        (problems if one.is_problem else notes).append(one)
-    return _grouped(problems, row.study, language), _grouped(notes, row.study, language)
-
-
-def _grouped(issues: Iterable[Issue], study: Study, language: str) -> Groups:
-    definition, groups = study.as_definition(), Groups()
-    for one in issues:
+    definition, whole = row.study.as_definition(), _("The whole study")
+    problems, notes = Groups(), Groups()
+    for one in _issues(row):
         place = place_of(one, definition)
-        url = address(study, place) if place is not None else ""
-        title = condition_title(one.condition, definition, language) or _("The whole study")
-        problem = LinkedProblem(_(one.template) % one.values, url)
-        groups.setdefault(title, []).append(problem)
-    return groups
-
-
-def condition_title(key: str, study: StudyDefinition, language: str) -> str:
-    """Return what a condition is called; its key when it has no title, or is not there any more."""
-    condition = study.condition(key)
-    return (spoken(condition.title, language) if condition is not None else "") or key
+        url = address(row.study, place) if place is not None else ""
+        title = condition_title(definition, one.condition) or whole
+        linked = LinkedProblem(_(one.template) % one.values, url)
+        (problems if one.is_problem else notes).setdefault(title, []).append(linked)
+    if not problems and not notes:
+        for name, groups in (("problems", problems), ("notes", notes)):
+            if sentences := row.report.get(name):
+                groups[whole] = [LinkedProblem(text) for text in sentences]
+    return problems, notes
 
 
 def place_of(issue: Issue, study: StudyDefinition) -> BuilderPlace | None:
@@ -150,13 +122,12 @@ def _step(is_it: Iterable[bool]) -> BuilderPlace | None:
     return next((BuilderPlace("steps", n) for n, it in enumerate(is_it) if it), None)
 
 
-def tables_of(row: Rehearsal, language: str) -> dict[str, Any]:
-    """Return what was measured, for the page: conditions with their titles, pages, participants."""
+def tables_of(row: Rehearsal) -> dict[str, Any]:
     definition, report = row.study.as_definition(), row.report
     conditions = [
         {
             **one,
-            "title": condition_title(one["key"], definition, language),
+            "title": condition_title(definition, one["key"]),
             "bot_minutes": (one["median_seconds"] or 0.0) / 60.0,
         }
         for one in report.get("conditions", ())

@@ -6,29 +6,26 @@ from uuid import UUID
 
 from django.contrib import admin, messages
 from django.contrib.admin.utils import unquote
-from django.http import Http404, HttpRequest, HttpResponse, HttpResponseRedirect, JsonResponse
-from django.shortcuts import redirect, render
-from django.urls import URLPattern, path, reverse
+from django.http import HttpRequest, HttpResponse, JsonResponse
+from django.shortcuts import redirect
+from django.urls import URLPattern, path
 from django.utils import timezone
-from django.utils.translation import get_language, gettext
+from django.utils.translation import gettext
 from django.utils.translation import gettext_lazy as _
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
-from accounts import audit
-from experiments import publishing
-from experiments.access import Role, may
+from experiments.access import may
 from experiments.definition import problems
 from experiments.models import Rehearsal, Study
 from experiments.rehearsal import plan, runs
-from experiments.research.study_access import study_for
-from experiments.study_admin.participants import StudyFilter, StudyRows
+from experiments.research.study_access import note_change, study_for
 from experiments.study_admin.rehearsal_report import issues_of, state_text, tables_of
+from experiments.study_admin.rows import StudyFilter, StudyRows, column
 
 
 def offer_of(study: Study) -> dict[str, Any]:
-    """Return what the pages of a draft say about rehearsing it: the newest rehearsal, and what the
-    next one would do, or why there cannot be one.
+    """Return the newest rehearsal of a draft, and what the next one would do, or why there cannot
+    be one.
     """
     now, definition, latest = timezone.now(), study.as_definition(), runs.latest(study)
     is_unfinished = bool(list(problems.problems(definition)))
@@ -45,48 +42,35 @@ def offer_of(study: Study) -> dict[str, Any]:
     }
 
 
+def _state(row: Rehearsal) -> str:
+    lost = runs.is_lost(row, timezone.now())
+    return str((runs.Status.FAILED if lost else runs.Status(row.status)).label)
+
+
 @admin.register(Rehearsal)
 class RehearsalAdmin(StudyRows):
-    """Dress rehearsals: how far they are, and what they found."""
-
     study = "study"
     study_tab = "overview"
     list_display = ("began_at", "study", "state", "finished_at", "passed", "is_of_this_definition")
     list_filter = (StudyFilter, "status", "passed")
     list_select_related = ("study",)
 
-    @admin.display(description=_("status"), ordering="status")
-    def state(self, row: Rehearsal) -> str:
-        """Return whether it waits, runs or has ended."""
-        lost = runs.is_lost(row, timezone.now())
-        return str((runs.Status.FAILED if lost else runs.Status(row.status)).label)
-
-    @admin.display(description=_("of the current definition"), boolean=True)
-    def is_of_this_definition(self, row: Rehearsal) -> bool:
-        """Tell whether nothing was changed since."""
-        return row.sha256 == row.study.sha256
+    state = column(_("status"), _state, ordering="status")
+    is_of_this_definition = column(
+        _("of the current definition"), lambda row: row.sha256 == row.study.sha256, boolean=True
+    )
 
     def get_urls(self) -> list[URLPattern]:
-        """The pages of the model, and its own."""
-        guard, name = self.admin_site.admin_view, "experiments_rehearsal"
-        own = [
-            path("start/<uuid:study>/", guard(require_POST(self.start_view)), name=f"{name}_start"),
-            path("<uuid:pk>/end/", guard(require_POST(self.end_view)), name=f"{name}_end"),
-            path(
-                "<uuid:pk>/state.json",
-                guard(never_cache(require_safe(self.state_view))),
-                name=f"{name}_state",
-            ),
-            path(
-                "<uuid:pk>/report.json",
-                guard(require_safe(self.report_view)),
-                name=f"{name}_report",
-            ),
+        start = self.admin_site.admin_view(require_POST(self.start_view))
+        return [
+            path("start/<uuid:study>/", start, name="experiments_rehearsal_start"),
+            self.row_path(require_POST(self.end_view), "end"),
+            self.row_path(require_safe(self.state_view), "state", ".json"),
+            self.row_path(require_safe(self.report_view), "report", ".json"),
+            *super().get_urls(),
         ]
-        return [*own, *super().get_urls()]
 
     def start_view(self, request: HttpRequest, study: UUID) -> HttpResponse:
-        """Ask for a rehearsal, and go to it; to the one that runs when there is one."""
         row = study_for(request, study, "owner")
         offer = offer_of(row)
         if offer["is_unfinished"] or offer["impossible"]:
@@ -99,68 +83,47 @@ class RehearsalAdmin(StudyRows):
             latest = runs.latest(row)
             key = latest.pk if latest is not None else None
         else:
-            publishing.log(row, request.user, "Rehearsal started.")
-            audit.note("rehearsal_started", actor=request.user, study=row.slug, thing=key)
+            note_change(request, row, "Rehearsal started.", event="rehearsal_started", thing=key)
         if key is None:  # it has been deleted since
             return redirect("admin:experiments_study_change", row.pk)
         return redirect("admin:experiments_rehearsal_change", key)
 
     def end_view(self, request: HttpRequest, pk: UUID) -> HttpResponse:
-        """End a rehearsal; nothing is kept of what its bots did."""
-        row = self._row(request, pk, "owner")
+        """End a rehearsal; what its bots did is deleted."""
+        row = self.row_for(request, pk, "owner")
         if runs.stop(row.pk, request.user):
-            publishing.log(row.study, request.user, "Rehearsal ended.")
-            audit.note("rehearsal_ended", actor=request.user, study=row.study.slug, thing=row.pk)
-            messages.success(request, gettext("Rehearsal ended."))
-        return HttpResponseRedirect(reverse("admin:experiments_rehearsal_change", args=[row.pk]))
+            entry, text = "Rehearsal ended.", gettext("Rehearsal ended.")
+            note_change(request, row.study, entry, text, event="rehearsal_ended", thing=row.pk)
+        return redirect("admin:experiments_rehearsal_change", row.pk)
 
     def state_view(self, request: HttpRequest, pk: UUID) -> JsonResponse:
-        """Return how far a rehearsal is, for its page."""
-        row, now = self._row(request, pk, "viewer"), timezone.now()
-        told = {"text": state_text(row, now), "live": runs.is_live(row, now)}
-        return JsonResponse(told | {"progress": row.progress})
+        row, now = self.row_for(request, pk, "viewer"), timezone.now()
+        state = {"text": state_text(row, now), "live": runs.is_live(row, now)}
+        return JsonResponse(state | {"progress": row.progress})
 
     def report_view(self, request: HttpRequest, pk: UUID) -> JsonResponse:
-        """Return the report as a file."""
-        row = self._row(request, pk, "viewer")
+        row = self.row_for(request, pk, "viewer")
         name = f"{row.study.slug}-{row.study.version}-rehearsal.json"
         headers = {"Content-Disposition": f'attachment; filename="{name}"'}
         return JsonResponse(row.report, headers=headers, json_dumps_params={"indent": 1})
 
-    def change_view(
-        self,
-        request: HttpRequest,
-        object_id: str,
-        form_url: str = "",
-        extra_context: dict[str, Any] | None = None,
-    ) -> HttpResponse:
-        """Show how far a rehearsal is, and what it found."""
+    def change_view(self, request: HttpRequest, object_id: str, *args: Any, **options: Any) -> Any:
         row = self.get_object(request, unquote(object_id))
         if row is None or request.method != "GET" or not self.has_view_permission(request, row):
-            return super().change_view(request, object_id, form_url, extra_context)
-        now, language = timezone.now(), get_language() or "en"
-        found, noted = issues_of(row, language)
+            return super().change_view(request, object_id, *args, **options)
+        now = timezone.now()
+        found, noted = issues_of(row)
         context = {
-            **self.admin_site.each_context(request),
             "title": gettext("Rehearsal"),
             "opts": Study._meta,
-            "study": row.study,
-            "study_tab": self.study_tab,
-            "rehearsal": row,
             "text": state_text(row, now),
             "is_live": runs.is_live(row, now),
-            "is_older": not self.is_of_this_definition(row),
+            "is_older": row.sha256 != row.study.sha256,
             "is_done": row.status == runs.Status.DONE,
             "is_owner": may(request.user, row.study.slug, "owner"),
             "offer": offer_of(row.study),
             "found": found,
             "noted": noted,
-            **tables_of(row, language),
+            **tables_of(row),
         }
-        return render(request, "admin/experiments/rehearsal/report.html", context)
-
-    def _row(self, request: HttpRequest, pk: UUID, least: Role) -> Rehearsal:
-        row = Rehearsal.objects.filter(pk=pk).select_related("study", "ended_by").first()
-        if row is None or not may(request.user, row.study.slug, least):
-            raise Http404
-        return row
+        return self.row_page(request, row, "report", context)

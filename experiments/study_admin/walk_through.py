@@ -1,92 +1,73 @@
 """Walking through a study as its participants see it: every step in order, in any of its languages
-and conditions, at the width of a phone or of a computer. Mixed into the studies' administration.
+and conditions, at a chosen width. Mixed into the studies' administration.
 
 The participant is in no database. Each page is drawn by the step's own code
-(experiments.participation.step_page.StepPage.preview), in a frame within the administration;
-whatever a page sends only leads to the next one. Robots are driven by pilots instead.
+(experiments.participation.step_page.StepPage.preview), in a frame within the administration; all
+that a page sends only leads to the next one. Robots are driven by pilots instead.
 """
-
-from typing import Any
 
 from csp.constants import SELF
 from csp.decorators import csp_replace
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
-from django.shortcuts import render
-from django.urls import URLPattern, path, reverse
+from django.urls import URLPattern, reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
-from django.views.decorators.cache import never_cache
+from django.utils.translation import gettext_lazy
 from django.views.decorators.clickjacking import xframe_options_sameorigin
 
 from accounts.models import User
+from experiments.builder.study_page import StudyPages
 from experiments.builder.views import WALK_THROUGH, sections
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Participant, ParticipantKind, Study
 from experiments.participation import journey
 from experiments.participation.assignment import Access
 from experiments.participation.steps import page_of
-from experiments.research.study_access import study_for
 from surveys.document_forms.fields import language_name
 from surveys.documents import spoken
 
-WIDTHS = {"phone": (390, 760), "tablet": (820, 760), "computer": (1280, 760)}  # pixels
+# by width: what it is called, and the frame's size in pixels
+WIDTHS = {
+    "phone": (gettext_lazy("Phone"), (390, 760)),
+    "tablet": (gettext_lazy("Tablet"), (820, 760)),
+    "computer": (gettext_lazy("Computer"), (1280, 760)),
+}
 
 
-class WalkThroughPages:
-    """The frame, and the pages in it."""
-
+class WalkThroughPages(StudyPages):
     def walk_through_urls(self) -> list[URLPattern]:
-        """Return their addresses."""
-        guard = self.admin_site.admin_view  # type: ignore[attr-defined]
-        step = xframe_options_sameorigin(
-            csp_replace({"frame-ancestors": [SELF]})(never_cache(self.walked_step_view))
-        )
+        in_frame = csp_replace({"frame-ancestors": [SELF]})(self.walked_step_view)
+        step, route = xframe_options_sameorigin(in_frame), "walk-through/"
+        place = f"{route}<slug:language>/<int:number>/"
         return [
-            path(
-                "<uuid:pk>/walk-through/",
-                guard(never_cache(self.walk_through_view)),
-                name="experiments_study_walk_through",
-            ),
-            *(
-                path(
-                    f"<uuid:pk>/walk-through/<slug:language>/<int:number>/{condition}",
-                    guard(step),
-                    name="experiments_study_walked_step",
-                )
-                for condition in ("", "<slug:condition>/")
-            ),
+            self.study_path(route, self.walk_through_view, "walk_through"),
+            self.study_path(place, step, "walked_step"),
+            self.study_path(f"{place}<slug:condition>/", step, "walked_step"),
         ]
 
-    def walk_through_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
+    def walk_through_view(self, request: HttpRequest, row: Study) -> HttpResponse:
         """Show the steps, and the one that is chosen in a frame of the chosen width:
         `?language=es&width=phone&condition=a&step=task`.
         """
-        row = study_for(request, pk, "viewer")
         definition = row.as_definition()
         language = _one_of(definition.languages, request.GET.get("language", ""))
         width = _one_of(tuple(WIDTHS), request.GET.get("width", ""))
         condition = request.GET.get("condition", "")
         condition = condition if definition.condition(condition) is not None else ""
-        way = _route(definition, condition)
+        route = _route(definition, condition)
         steps = [
             (
                 _address(row, language, number, condition),
                 spoken(journey.step_at(definition, place).title, language) or place.step,
             )
-            for number, place in enumerate(way, start=1)
+            for number, place in enumerate(route, start=1)
         ]
-        keys = [place.step for place in way]
+        keys = [place.step for place in route]
         asked = request.GET.get("step", "")
         first = keys.index(asked) if asked in keys else 0
-        context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
-            "title": _("Walk through as a participant"),
-            "opts": self.opts,  # type: ignore[attr-defined]
-            "study": row,
-            "study_tab": "builder",
+        context = {
             "sections": sections(row),
             "section": WALK_THROUGH,
-            # the frame of a computer needs the room
-            "is_nav_sidebar_enabled": False,
             "steps": steps,
             "shown": steps[first][0] if steps else "",
             "step": asked,
@@ -97,33 +78,29 @@ class WalkThroughPages:
                 (one.key, spoken(one.title, language) or one.key) for one in definition.conditions
             ],
             "width": width,
-            "widths": [
-                ("phone", _("Phone")),
-                ("tablet", _("Tablet")),
-                ("computer", _("Computer")),
-            ],
-            "size": WIDTHS[width],
+            "widths": [(key, name) for key, (name, _size) in WIDTHS.items()],
+            "size": WIDTHS[width][1],
         }
-        return render(request, "admin/experiments/study/walk_through.html", context)
+        title = _("Walk through as a participant")
+        return self.study_page(request, row, "walk_through", title, context, tab="builder")
 
     def walked_step_view(
-        self, request: HttpRequest, pk: Any, language: str, number: int, condition: str = ""
+        self, request: HttpRequest, row: Study, language: str, number: int, condition: str = ""
     ) -> HttpResponseBase:
-        """Show a step, from 1; whatever is sent leads to the next one, and is not read."""
-        row = study_for(request, pk, "viewer")
+        """Show a step, from 1. A POST is not read, and leads to the next step."""
         definition = row.as_definition()
         if condition and definition.condition(condition) is None:
             raise Http404
-        way = _route(definition, condition)
-        if language not in definition.languages or not 1 <= number <= len(way):
+        route = _route(definition, condition)
+        if language not in definition.languages or not 1 <= number <= len(route):
             raise Http404
         if request.method == "POST":
-            following = min(number + 1, len(way))
+            following = min(number + 1, len(route))
             return HttpResponseRedirect(_address(row, language, following, condition))
         with translation.override(language):
             request.LANGUAGE_CODE = language
-            participant = _nobody(row, way, number, language, condition)
-            step = journey.step_at(definition, way[number - 1])
+            participant = _participant(row, route, number, language, condition)
+            step = journey.step_at(definition, route[number - 1])
             return page_of(participant, step).preview(request, timezone.now())
 
 
@@ -133,7 +110,7 @@ def _address(row: Study, language: str, number: int, condition: str) -> str:
 
 
 def _access(definition: StudyDefinition, condition: str) -> Access:
-    """Return how people come in who see a condition, or the most of the study."""
+    """Return how those join who see a condition, or any condition of the study."""
     chosen = definition.condition(condition)
     shown = [chosen] if chosen is not None else definition.conditions
     return "open" if not shown or any(one.access == "open" for one in shown) else "invitation"
@@ -144,18 +121,14 @@ def _route(definition: StudyDefinition, condition: str) -> tuple[journey.Journey
     return journey.route(definition, often, 1)
 
 
-def _nobody(
-    row: Study, way: tuple[journey.JourneyPlace, ...], number: int, language: str, condition: str
+def _participant(
+    row: Study, route: tuple[journey.JourneyPlace, ...], number: int, language: str, condition: str
 ) -> Participant:
-    """Return a participant at a place of a way who is never saved; with a condition, who has that
+    """Return a participant at a place of a route who is never saved; with a condition, who has that
     one in every round.
     """
-    place = way[number - 1]
-    assigned: dict[str, Any] = {
-        "conditions": [condition] * (1 + way[-1].round),
-        "stage": Participant.Stage.UNDER_WAY,
-    }
-    return Participant(
+    place = route[number - 1]
+    participant = Participant(
         study=row,
         user=User(kind=User.Kind.PARTICIPANT),
         kind=ParticipantKind.PILOT,
@@ -164,8 +137,11 @@ def _nobody(
         round=place.round,
         step=place.step,
         language=language,
-        **(assigned if condition else {}),
     )
+    if condition:
+        participant.conditions = [condition] * (1 + route[-1].round)
+        participant.stage = Participant.Stage.UNDER_WAY
+    return participant
 
 
 def _one_of(known: tuple[str, ...], asked: str) -> str:

@@ -1,8 +1,8 @@
-"""What was in force in a drive, gathered from its stored record: to be compared with what was
-assigned (experiments/definition/conditions.py).
+"""What was in force in a drive, from its stored record, to be compared with what was assigned
+(experiments/definition/conditions.py).
 """
 
-from dataclasses import fields
+from dataclasses import replace
 from typing import Any
 
 import msgspec
@@ -10,50 +10,52 @@ import msgspec
 from experiments.definition.conditions import Applied
 from experiments.definition.start_condition import snapshot
 from experiments.models import Drive
-from experiments.participation.drive_status import series_of
+from experiments.participation.drive_status import kind_of
 from robots.api.messages import State
 from sessions.models import SessionEvent
 
-BY_ITSELF = frozenset({"goto", "docking"})
+AUTONOMOUS = frozenset({"goto", "docking"})
 DONE = frozenset({"FINISHED", "CANCELLED"})
 
 
-class Gathering:
-    """Takes the states and the events of a drive, in any order of the two; `exposed` tells whether
-    the robot was moved for its visitor.
+class ManipulationCheck:
+    """Takes the states and events of a drive, in any order of the two; `moved` tells whether the
+    robot was moved for its visitor.
     """
 
     def __init__(self, drive: Drive) -> None:
-        robot = drive.session.robot
-        self.applied = Applied(
-            robot=series_of(robot), site=robot.floor_plan.name if robot.floor_plan else ""
-        )
-        self.exposed = drive.session.first_motion_at is not None
-        # What the server has set counts until the robot says otherwise; of doors that somebody has
-        # to close by hand, only what is said.
+        robot, site = kind_of(drive.session.robot)
+        self.applied = Applied(robot=robot, site=site)
+        self.moved = drive.session.first_motion_at is not None
+        # Doors are as the server has set them until the robot reports otherwise; of doors that a
+        # person closes, only reports count.
         self._doors = dict(drive.assigned.get("terms", {}).get("doors", {}))
         self._changes: list[tuple[float, str, str]] = []
-        self._drives = False
+        self._is_driven = False
         self._first: State | None = None
         self._last: State | None = None
         self._interfaces: set[str] = set()
 
-    def see(self, state: State) -> None:
-        """Take a state. What the robot was like before its visitor first drove it was not in force
-        on anybody.
-        """
-        self._first = (
-            state if self._first is None or state.stamp < self._first.stamp else self._first
-        )
-        self._last = state if self._last is None or state.stamp >= self._last.stamp else self._last
-        self._drives = self._drives or bool(state.applied) or state.mode in BY_ITSELF
-        if self._drives:
+    def take(self, row: State | SessionEvent) -> None:
+        if isinstance(row, State):
+            self._take_state(row)
+        else:
+            self._take_event(row)
+
+    def _take_state(self, state: State) -> None:
+        if self._first is None or state.stamp < self._first.stamp:
+            self._first = state
+        if self._last is None or state.stamp >= self._last.stamp:
+            self._last = state
+        is_autonomous = state.mode in AUTONOMOUS
+        # before the visitor first drove, the robot's settings applied to no participant
+        self._is_driven = self._is_driven or bool(state.applied) or is_autonomous
+        if self._is_driven:
             self.applied.see(state)
         moved = any(command.linear or command.angular for command in state.applied)
-        self.exposed = self.exposed or moved or state.mode in BY_ITSELF
+        self.moved = self.moved or moved or is_autonomous
 
-    def hear(self, event: SessionEvent) -> None:
-        """Take an event."""
+    def _take_event(self, event: SessionEvent) -> None:
         data = event.data
         if event.source == SessionEvent.Source.PAGE:
             if event.type == "layout" and isinstance(data.get("interface"), str):
@@ -66,37 +68,22 @@ class Gathering:
             self._changes.append((event.stamp, name, state))
 
     def ends(self) -> tuple[dict[str, Any], dict[str, Any]]:
-        """Return how the robot stood in the first and in the last state by its clock; empty without
-        any.
-        """
+        """Return snapshots of the first and last state by the robot's clock."""
         first, last = (
             snapshot(msgspec.to_builtins(state)).as_stored() if state is not None else {}
             for state in (self._first, self._last)
         )
         return first, last
 
-    def done(self) -> Applied:
-        """Return what was gathered."""
+    def result(self) -> Applied:
         doors = self._doors | {name: state for _, name, state in sorted(self._changes)}
         self.applied.doors_closed = {name for name, state in doors.items() if state == "closed"}
-        # More than one is none that a condition could name.
+        # several interfaces give a text that no condition has
         self.applied.interface = " ".join(sorted(self._interfaces))
         return self.applied
 
 
 def as_stored(applied: Applied) -> dict[str, Any]:
-    """Return what was in force as `Drive.applied` keeps it: sets as sorted lists, what robots
-    report of networks as on the wire.
-    """
-    values = {
-        field.name: getattr(applied, field.name)
-        for field in fields(applied)
-        if field.name != "impaired"
-    }
-    values = {
-        name: sorted(value) if isinstance(value, set) else value for name, value in values.items()
-    }
-    told = {
-        name: msgspec.to_builtins(values.pop(name)) for name in ("control_network", "video_network")
-    }
-    return values | {name: report for name, report in told.items() if report is not None}
+    """Return the form of `Drive.applied`: sets as sorted lists, networks as on the wire."""
+    values = msgspec.to_builtins(replace(applied, impaired=set()), order="deterministic")
+    return {name: v for name, v in values.items() if name != "impaired" and v is not None}

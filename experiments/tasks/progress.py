@@ -1,24 +1,23 @@
 """How far a task is: one step of the fold that turns records into events.
 
-`step` is a function of where things stood and of the next record in order of time; nothing else is
-asked, so the same records give the same events. The rules:
+`step` depends only on the progress before and on the next record in order of time, so the same
+records always give the same events. The rules:
 
-- the time counts from the first picture shown; at its limit the task ends, whatever came at that
-  moment;
-- checkpoints count in order, each within its radius and its room; standing on a later one is told
-  and recorded once a visit;
-- near the photo's checkpoint, once that is passed, the photo's window opens by itself until the
-  visitor keeps a photo or skips it;
+- the time counts from the first video frame; at its limit the task ends, even if another record has
+  the same time;
+- checkpoints count in order, each within its radius and its room; arriving at a later one is shown
+  and recorded each time;
+- near the photo's checkpoint, once that is passed, the photo's window opens until the visitor keeps
+  a photo or skips it;
 - docking ends the task once all checkpoints are passed, with or without the photo; before that it
-  is recorded, and changes nothing. Docked is what the robot says it is and what the course's rule
-  (robots/api/docked.py) makes of its states: contact, standstill and released controls without a
-  break. Contacts that part sooner are a fact, and the visitor is told to drive on into the station;
-- a door is passed where the robot's middle goes through its frame; which were asked for and missed
-  is a fact of the result.
+  is recorded and changes nothing. The robot is docked when it reports so and the course's rule
+  (robots/api/docked.py) agrees: contact, standstill and released controls without a break. Contacts
+  that are lost sooner are events, and the visitor is asked to drive on into the station;
+- a door is passed where the robot's centre goes through its frame; the result lists the required
+  doors that were missed.
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -27,7 +26,6 @@ from experiments.definition.cues import FIRST, LEAVING, Cue, Situation, Window, 
 from experiments.definition.schema import Outcome
 from experiments.tasks.records import (
     FirstFrame,
-    Input,
     PhotoAnswer,
     PhotoFailed,
     PhotoTaken,
@@ -59,19 +57,25 @@ EventType = Literal[
     "task_ended",
 ]
 Settled = Literal["", "kept", "skipped"]
-
-OUT = 0.3  # who is so far from a docked pose or a doorway has left it: metres
-# seconds, metres, m/s: states that are farther apart than these allow show no motion
-GAP, JUMP, SPEED = 2.5, 0.3, 2.5
-LOST_FOR = 1.0  # seconds without a place before the visitor is told
+# What an answer to a photo makes of it: the event, and whether the photo is settled.
+ANSWERS: dict[str, tuple[EventType, Settled]] = {
+    "keep": ("photo_kept", "kept"),
+    "again": ("photo_again", ""),
+    "skip": ("photo_skipped", "skipped"),
+}
+LEFT_M = 0.3  # a robot farther from a docked pose or a doorway has left it
+# Two states show a motion only if they are at most MAX_GAP_S apart in time, and in distance at most
+# MAX_JUMP_M and what MAX_SPEED (m/s) allows.
+MAX_GAP_S, MAX_JUMP_M, MAX_SPEED = 2.5, 0.3, 2.5
+LOST_AFTER_S = 1.0  # without localization, before the visitor reads that the robot is lost
 
 
 @dataclass(frozen=True)
 class ProgressEvent:
     """Something that happened once.
 
-    `number` is a checkpoint's, or that of a contact with the charger, `name` that of a door, cue,
-    photo or outcome; `pose` the last one known.
+    `number` is that of a checkpoint or of a contact with the charger, `name` that of a door, cue,
+    photo or outcome; `pose` is the last known one.
     """
 
     at: float
@@ -82,15 +86,13 @@ class ProgressEvent:
     sight: Sight | None = None
 
     def data(self) -> dict[str, Any]:
-        """Return it as it is stored beside stamp and type: what is not known is left out."""
+        """Return the fields that are stored beside stamp and type, without unknown ones."""
         fields: dict[str, Any] = {"number": self.number, "name": self.name or None}
         if self.pose is not None:
             fields["pose"] = {"x": self.pose.x, "y": self.pose.y, "theta": self.pose.theta}
         if self.sight is not None:
-            fields["facing"] = {
-                name: getattr(self.sight, name)
-                for name in ("bearing", "distance", "before", "sees")
-            }
+            names = ("bearing", "distance", "before", "sees")
+            fields["facing"] = {name: getattr(self.sight, name) for name in names}
         return {name: value for name, value in fields.items() if value is not None}
 
 
@@ -105,18 +107,20 @@ class PhotoState:
 
     @property
     def window(self) -> Window:
-        """What the page shows: a picture that waits for its answer, the hint, or nothing."""
-        return "shut" if self.settled or not self.is_open else "review" if self.pending else "open"
+        if self.settled or not self.is_open:
+            return "shut"
+        return "review" if self.pending else "open"
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How things stand. `passed` has the time of each checkpoint, `doors` the names of doors in the
-    order they were gone through.
+    """The state of a task.
 
-    `dock` is how the robot stands to its station by the course's rule, `dock_contacts` how often
-    the contacts met after the last checkpoint. `in_doorway` names those whose line was crossed
-    without having gone on yet, `on_later` the later checkpoints on which the robot stands.
+    `last` is the newest state of the robot, `placed` the newest with a known place. `passed` has
+    the time of each checkpoint, `doors` the doors passed, in order. `dock` is the state of docking
+    by the course's rule, `dock_contacts` counts contacts with the charger after the last
+    checkpoint. `in_doorway` has the doors whose line was crossed and that the robot has not left,
+    `on_later` the later checkpoints at which the robot is.
     """
 
     started: float | None = None
@@ -138,340 +142,246 @@ class Progress:
 
     @property
     def pose(self) -> Pose2D | None:
-        """The last pose in which the robot knew where it was."""
-        return (
-            Pose2D(self.placed.x, self.placed.y, self.placed.theta)
-            if self.placed is not None
-            else None
-        )
+        placed = self.placed
+        return None if placed is None else Pose2D(placed.x, placed.y, placed.theta)
 
     @property
     def docked(self) -> bool:
-        """Whether it is docked: as it says, and once it has been out also as the course's rule
-        says.
+        """Whether the robot reports to be docked and, once it has been out, the course's rule
+        agrees.
         """
         return self.last is not None and self.last.docked and (self.dock.docked or not self.is_out)
 
     def remaining(self, track: CourseTrack, now: float) -> float | None:
-        """Return the seconds left, None while nothing counts."""
-        return (
-            None
-            if self.started is None or self.outcome is not None
-            else max(0.0, self.started + track.limit - now)
-        )
+        """Return the seconds left; None before the start and after the end."""
+        if self.started is None or self.outcome is not None:
+            return None
+        return max(0.0, self.started + track.limit - now)
 
 
 Stepped = tuple[Progress, tuple[ProgressEvent, ...]]
 
 
 def step(track: CourseTrack, progress: Progress, record: Record) -> Stepped:
-    """Take the next record; return how things stand then, and what has happened."""
-    progress, events = until(track, progress, record.at)
-    if progress.outcome is not None:
-        return progress, events
-    progress, more = (
-        _seen(track, progress, record)
-        if isinstance(record, Seen)
-        else _input(track, progress, record)
-    )
-    return _cued(track, progress, record.at, (*events, *more))
+    """Take the next record; return the progress after it, and the events."""
+    fold = _Fold(track, progress)
+    fold.pass_time(record.at)
+    if fold.progress.outcome is None:
+        fold.take(record)
+        fold.update_cue(record.at)
+    return fold.progress, tuple(fold.events)
 
 
 def until(track: CourseTrack, progress: Progress, now: float) -> Stepped:
-    """Let the time pass until `now`; return how things stand then, and what has happened."""
-    if progress.started is None or progress.outcome is not None:
-        return progress, ()
-    events: tuple[ProgressEvent, ...] = ()
-    deadline = progress.started + track.limit
-    if not progress.warned and 0.0 < track.last < track.limit and now >= deadline - track.last:
-        progress = replace(progress, warned=True)
-        events = (ProgressEvent(deadline - track.last, "time_warning", progress.pose),)
-    if now >= deadline:
-        progress, ended = _end(progress, deadline, "timed_out")
-        return _cued(track, progress, deadline, (*events, ended))
-    return progress, events
+    """Let the time pass until `now`; return the progress then, and the events."""
+    fold = _Fold(track, progress)
+    fold.pass_time(now)
+    return fold.progress, tuple(fold.events)
 
 
-def _end(progress: Progress, at: float, outcome: Outcome) -> tuple[Progress, ProgressEvent]:
-    return replace(progress, ended=at, outcome=outcome), ProgressEvent(
-        at, "task_ended", progress.pose, name=outcome
-    )
+class _Fold:
+    """Applies the rules to one record: replaces `progress` and adds `events`."""
 
+    def __init__(self, track: CourseTrack, progress: Progress) -> None:
+        self.track, self.progress = track, progress
+        self.events: list[ProgressEvent] = []
 
-def _cued(
-    track: CourseTrack, progress: Progress, at: float, events: tuple[ProgressEvent, ...]
-) -> Stepped:
-    """Change the cue if the situation asks for another."""
-    cue = choose(_situation(track, progress, at), track, progress.cue)
-    if cue == progress.cue:
-        return progress, events
-    return replace(progress, cue=cue), (
-        *events,
-        ProgressEvent(at, "cue", progress.pose, number=cue.number, name=cue.key),
-    )
+    def set(self, **changes: Any) -> None:
+        self.progress = replace(self.progress, **changes)
 
+    def add(
+        self,
+        at: float,
+        kind: EventType,
+        number: int | None = None,
+        name: str = "",
+        sight: Sight | None = None,
+    ) -> None:
+        self.events.append(ProgressEvent(at, kind, self.progress.pose, number, name, sight))
 
-def _situation(track: CourseTrack, progress: Progress, at: float) -> Situation:
-    pose, placed = progress.pose, progress.placed
-    lost = (
-        progress.last is not None
-        and not progress.last.localized
-        and (placed is None or at - placed.at > LOST_FOR)
-    )
-    spot = track.photo
-    return Situation(
-        started=progress.started is not None,
-        outcome=progress.outcome,
-        lost=lost,
-        docked=progress.docked,
-        early=progress.came_early,
-        touching=progress.dock.touching and progress.dock_contacts > 0,
-        dock_contacts=progress.dock_contacts,
-        passed=len(progress.passed),
-        wrong=min(progress.on_later, default=None),
-        window=progress.photo.window,
-        sight=spot.sight(pose) if spot is not None and pose is not None else None,
-        home=pose.distance(track.dock) if pose is not None else math.inf,
-    )
+    @property
+    def sight(self) -> Sight | None:
+        spot, pose = self.track.photo, self.progress.pose
+        return spot.sight(pose) if spot is not None and pose is not None else None
 
+    @property
+    def has_passed_all(self) -> bool:
+        return len(self.progress.passed) == len(self.track.stops)
 
-# --- states ---------------------------------------------------------------------------------------
+    def pass_time(self, now: float) -> None:
+        progress, track = self.progress, self.track
+        if progress.started is None or progress.outcome is not None:
+            return
+        deadline = progress.started + track.limit
+        if not progress.warned and 0.0 < track.last < track.limit and now >= deadline - track.last:
+            self.set(warned=True)
+            self.add(deadline - track.last, "time_warning")
+        if now >= deadline:
+            self.end(deadline, "timed_out")
+            self.update_cue(deadline)
 
+    def end(self, at: float, outcome: Outcome) -> None:
+        self.set(ended=at, outcome=outcome)
+        self.add(at, "task_ended", name=outcome)
 
-def _seen(track: CourseTrack, progress: Progress, seen: Seen) -> Stepped:
-    before, dock = progress.placed, progress.dock
-    progress = replace(
-        progress,
-        last=seen,
-        placed=seen if seen.localized else progress.placed,
-        dock=_dock(track, dock, seen),
-    )
-    if progress.started is None:
-        return progress, ()
-    events: tuple[ProgressEvent, ...] = ()
-    if seen.localized:
-        motion = _motion(before, seen)
-        for part in (_doors, _stops, _window):
-            progress, more = part(track, progress, motion)
-            events += more
-    for part_of_station in (_contact, _station):
-        progress, more = part_of_station(track, progress, seen, was_touching=dock.touching)
-        events += more
-    return progress, events
+    def update_cue(self, at: float) -> None:
+        cue = choose(self._situation(at), self.track, self.progress.cue)
+        if cue != self.progress.cue:
+            self.set(cue=cue)
+            self.add(at, "cue", cue.number, cue.key)
+
+    def _situation(self, at: float) -> Situation:
+        progress, pose, placed = self.progress, self.progress.pose, self.progress.placed
+        is_unlocalized = progress.last is not None and not progress.last.localized
+        return Situation(
+            started=progress.started is not None,
+            outcome=progress.outcome,
+            lost=is_unlocalized and (placed is None or at - placed.at > LOST_AFTER_S),
+            docked=progress.docked,
+            early=progress.came_early,
+            touching=progress.dock.touching and progress.dock_contacts > 0,
+            dock_contacts=progress.dock_contacts,
+            passed=len(progress.passed),
+            wrong=min(progress.on_later, default=None),
+            window=progress.photo.window,
+            sight=self.sight,
+            home=pose.distance(self.track.dock) if pose is not None else math.inf,
+        )
+
+    def take(self, record: Record) -> None:
+        match record:
+            case Seen():
+                self._take_state(record)
+            case TaskEnded():
+                self.end(record.at, record.outcome)
+            case FirstFrame():
+                if self.progress.started is None:
+                    self.set(started=record.at)
+                    self.add(record.at, "task_started")
+            case _ if self.progress.started is None:
+                pass
+            case PhotoFailed():
+                self.add(record.at, "photo_failed", name=record.id)
+            case PhotoTaken():  # an event even when no photo was asked for
+                photo = self.progress.photo
+                if photo.prompted and not photo.settled:
+                    self.set(photo=replace(photo, pending=record.id))
+                self.add(record.at, "photo_taken", name=record.id, sight=self.sight)
+            case PhotoAnswer():
+                self._answer_photo(record)
+
+    def _answer_photo(self, record: PhotoAnswer) -> None:
+        """An answer counts once the window has opened; keeping and repeating need a photo."""
+        photo = self.progress.photo
+        has_choice = bool(photo.pending) or record.choice == "skip"
+        if photo.prompted and not photo.settled and has_choice:
+            kind, settled = ANSWERS[record.choice]
+            self.set(photo=replace(photo, pending="", settled=settled))
+            self.add(record.at, kind, name=photo.pending)
+
+    def _take_state(self, seen: Seen) -> None:
+        before, dock = self.progress.placed, self.progress.dock
+        self.set(
+            last=seen,
+            placed=seen if seen.localized else before,
+            dock=_dock(self.track, dock, seen),
+        )
+        if self.progress.started is None:
+            return
+        if seen.localized:
+            motion = _motion(before, seen)
+            self._pass_doors(motion, seen.at)
+            self._pass_checkpoints(motion, seen.at)
+            self._update_photo_window(motion, seen.at)
+        if self.has_passed_all and self.progress.dock.touching != dock.touching:
+            self._change_contact(seen.at)
+        self._leave_or_dock(seen)
+
+    def _pass_doors(self, motion: Motion, at: float) -> None:
+        """A door is passed when the robot has driven on, not when it turns in the doorway."""
+        doorways = self.track.doorways
+        crossed = {door.name for door in doorways if motion.crosses(door.start, door.end)}
+        entered = self.progress.in_doorway ^ crossed
+        if not entered and not self.progress.in_doorway:
+            return
+        passed = tuple(
+            door.name
+            for door in doorways
+            if door.name in entered and door.distance(*motion.end) > LEFT_M
+        )
+        self.set(in_doorway=entered - set(passed), doors=self.progress.doors + passed)
+        for name in passed:
+            self.add(at, "door_passed", name=name)
+
+    def _pass_checkpoints(self, motion: Motion, at: float) -> None:
+        stops, before = self.track.stops, self.progress.on_later
+        while not self.has_passed_all and stops[len(self.progress.passed)].is_passed(motion):
+            self.add(at, "checkpoint", stops[len(self.progress.passed)].number)
+            self.set(passed=(*self.progress.passed, at))
+        # the robot leaves a later checkpoint only when it is well outside
+        on_later = frozenset(
+            stop.number
+            for stop in stops[len(self.progress.passed) + 1 :]
+            if (stop.number in before and stop.distance(*motion.end) <= stop.radius * LEAVING)
+            or stop.is_passed(motion)
+        )
+        if on_later != before:
+            self.set(on_later=on_later)
+            for number in sorted(on_later - before):
+                self.add(at, "out_of_order", number)
+
+    def _update_photo_window(self, motion: Motion, at: float) -> None:
+        spot, photo = self.track.photo, self.progress.photo
+        if spot is None or photo.settled or len(self.progress.passed) < spot.stop.number:
+            return
+        radius = spot.radius * (LEAVING if photo.is_open else 1.0)
+        is_open = spot.stop.distance(*motion.end) <= radius
+        if is_open != photo.is_open:
+            self.set(photo=replace(photo, is_open=is_open, prompted=photo.prompted or is_open))
+            if is_open:
+                self.add(at, "photo_prompt", spot.stop.number, sight=self.sight)
+
+    def _change_contact(self, at: float) -> None:
+        """After the last checkpoint each contact with the charger is an attempt to dock."""
+        if self.progress.dock.touching:
+            self.set(dock_contacts=self.progress.dock_contacts + 1)
+            self.add(at, "dock_contact", self.progress.dock_contacts)
+        elif self.progress.dock_contacts > 0:
+            self.add(at, "dock_contact_lost", self.progress.dock_contacts)
+
+    def _leave_or_dock(self, seen: Seen) -> None:
+        progress, pose = self.progress, self.progress.pose
+        if not progress.docked:
+            may_leave = not progress.is_out and not seen.docked and seen.localized
+            if may_leave and pose is not None and pose.distance(self.track.dock) > LEFT_M:
+                self.set(is_out=True)
+                self.add(seen.at, "left_station", 0)
+        elif self.has_passed_all and progress.dock.docked:
+            self.add(seen.at, "docked", 0)
+            self.end(seen.at, "completed")
+        elif progress.is_out:
+            self.set(is_out=False, came_early=True)
+            self.add(seen.at, "docked_early", self.track.stops[len(progress.passed)].number)
 
 
 def _motion(before: Seen | None, seen: Seen) -> Motion:
-    """Return what the robot has gone since its last known place; nothing when that was too long
-    ago, or it was somewhere else.
-    """
+    """Return the motion since the last known place; none when that is too old or too far away."""
     here = (seen.x, seen.y)
     if before is None:
         return Motion(here, here)
     seconds, metres = seen.at - before.at, math.dist((before.x, before.y), here)
-    followed = seconds <= GAP and metres <= JUMP + SPEED * seconds
+    followed = seconds <= MAX_GAP_S and metres <= MAX_JUMP_M + MAX_SPEED * seconds
     return Motion((before.x, before.y) if followed else here, here)
-
-
-def _doors(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
-    """A door is passed when the robot has gone on; who turns round in the doorway has not passed
-    it.
-    """
-    crossed = {
-        doorway.name for doorway in track.doorways if motion.crosses(doorway.start, doorway.end)
-    }
-    begun = progress.in_doorway ^ crossed
-    if not begun and not progress.in_doorway:
-        return progress, ()
-    names = tuple(
-        doorway.name
-        for doorway in track.doorways
-        if doorway.name in begun and doorway.distance(*motion.end) > OUT
-    )
-    events = tuple(
-        ProgressEvent(_now(progress), "door_passed", progress.pose, name=name) for name in names
-    )
-    return replace(progress, in_doorway=begun - set(names), doors=progress.doors + names), events
-
-
-def _stops(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
-    events: list[ProgressEvent] = []
-    while len(progress.passed) < len(track.stops) and track.stops[len(progress.passed)].is_passed(
-        motion
-    ):
-        events.append(
-            ProgressEvent(
-                _now(progress),
-                "checkpoint",
-                progress.pose,
-                number=track.stops[len(progress.passed)].number,
-            )
-        )
-        progress = replace(progress, passed=(*progress.passed, _now(progress)))
-    on_later = frozenset(_on_later(track, progress, motion))
-    if on_later == progress.on_later:
-        return progress, tuple(events)
-    numbers = sorted(on_later - progress.on_later)
-    events += [
-        ProgressEvent(_now(progress), "out_of_order", progress.pose, number=number)
-        for number in numbers
-    ]
-    return replace(progress, on_later=on_later), tuple(events)
-
-
-def _on_later(track: CourseTrack, progress: Progress, motion: Motion) -> Iterator[int]:
-    """Yield the numbers of later checkpoints on which the robot stands; it has left one only when
-    it is well outside.
-    """
-    for stop in track.stops[len(progress.passed) + 1 :]:
-        stays = (
-            stop.number in progress.on_later and stop.distance(*motion.end) <= stop.radius * LEAVING
-        )
-        if stays or stop.is_passed(motion):
-            yield stop.number
-
-
-def _window(track: CourseTrack, progress: Progress, motion: Motion) -> Stepped:
-    spot, photo = track.photo, progress.photo
-    if spot is None or photo.settled or len(progress.passed) < spot.stop.number:
-        return progress, ()
-    is_open = spot.stop.distance(*motion.end) <= spot.radius * (LEAVING if photo.is_open else 1.0)
-    if is_open == photo.is_open:
-        return progress, ()
-    opens = is_open and not photo.is_open
-    pose = progress.pose
-    facing = spot.sight(pose) if pose is not None else None
-    events = (
-        (
-            ProgressEvent(
-                _now(progress), "photo_prompt", pose, number=spot.stop.number, sight=facing
-            ),
-        )
-        if opens
-        else ()
-    )
-    return replace(
-        progress, photo=replace(photo, is_open=is_open, prompted=photo.prompted or opens)
-    ), events
 
 
 def _dock(track: CourseTrack, before: DockState, seen: Seen) -> DockState:
     if track.docked is None:
         return DockState(docked=seen.docked)
-    return follow(
-        track.docked,
-        before,
-        DockReading(
-            at=seen.at,
-            contact=seen.contact,
-            linear=seen.linear,
-            angular=seen.angular,
-            released=seen.released,
-        ),
+    reading = DockReading(
+        at=seen.at,
+        contact=seen.contact,
+        linear=seen.linear,
+        angular=seen.angular,
+        released=seen.released,
     )
-
-
-def _contact(track: CourseTrack, progress: Progress, seen: Seen, *, was_touching: bool) -> Stepped:
-    """Once all checkpoints are passed each contact is an attempt to dock, and so is its loss a
-    fact.
-    """
-    if len(progress.passed) < len(track.stops) or progress.dock.touching == was_touching:
-        return progress, ()
-    if progress.dock.touching:
-        progress = replace(progress, dock_contacts=progress.dock_contacts + 1)
-        return progress, (
-            ProgressEvent(seen.at, "dock_contact", progress.pose, number=progress.dock_contacts),
-        )
-    if progress.dock_contacts == 0:
-        return progress, ()
-    return progress, (
-        ProgressEvent(seen.at, "dock_contact_lost", progress.pose, number=progress.dock_contacts),
-    )
-
-
-def _station(track: CourseTrack, progress: Progress, seen: Seen, **_more: bool) -> Stepped:
-    """Leaving the charging station and coming back to it."""
-    if not progress.docked:
-        pose = progress.pose
-        away = (
-            not seen.docked
-            and seen.localized
-            and pose is not None
-            and pose.distance(track.dock) > OUT
-        )
-        if not away or progress.is_out:
-            return progress, ()
-        left = ProgressEvent(seen.at, "left_station", pose, number=0)
-        return replace(progress, is_out=True), (left,)
-    if len(progress.passed) == len(track.stops) and progress.dock.docked:
-        ended, event = _end(progress, seen.at, "completed")
-        return ended, (ProgressEvent(seen.at, "docked", progress.pose, number=0), event)
-    if progress.is_out:
-        early = replace(progress, is_out=False, came_early=True)
-        return early, (
-            ProgressEvent(
-                seen.at,
-                "docked_early",
-                progress.pose,
-                number=track.stops[len(progress.passed)].number,
-            ),
-        )
-    return progress, ()
-
-
-def _now(progress: Progress) -> float:
-    return progress.last.at if progress.last is not None else math.nan
-
-
-# --- inputs ---------------------------------------------------------------------------------------
-
-
-def _input(track: CourseTrack, progress: Progress, record: Input) -> Stepped:
-    if isinstance(record, TaskEnded):
-        ended, event = _end(progress, record.at, record.outcome)
-        return ended, (event,)
-    if isinstance(record, FirstFrame):
-        if progress.started is not None:
-            return progress, ()
-        return replace(progress, started=record.at), (
-            ProgressEvent(record.at, "task_started", progress.pose),
-        )
-    if progress.started is None:
-        return progress, ()
-    if isinstance(record, PhotoAnswer):
-        return _answer(progress, record)
-    return _picture(track, progress, record)
-
-
-def _picture(track: CourseTrack, progress: Progress, record: PhotoTaken | PhotoFailed) -> Stepped:
-    """A picture, wanted or not, is a fact; so is how the robot stood when it was taken."""
-    if isinstance(record, PhotoFailed):
-        return progress, (ProgressEvent(record.at, "photo_failed", progress.pose, name=record.id),)
-    sight = (
-        track.photo.sight(progress.pose)
-        if track.photo is not None and progress.pose is not None
-        else None
-    )
-    waits = progress.photo.prompted and not progress.photo.settled
-    photo = replace(progress.photo, pending=record.id) if waits else progress.photo
-    return replace(progress, photo=photo), (
-        ProgressEvent(record.at, "photo_taken", progress.pose, name=record.id, sight=sight),
-    )
-
-
-def _answer(progress: Progress, record: PhotoAnswer) -> Stepped:
-    """An answer counts while the window waits for one, wherever the robot stands by then; keeping
-    needs something to keep.
-    """
-    photo = progress.photo
-    if photo.settled or not photo.prompted or (record.choice != "skip" and not photo.pending):
-        return progress, ()
-    types: dict[str, EventType] = {
-        "keep": "photo_kept",
-        "again": "photo_again",
-        "skip": "photo_skipped",
-    }
-    settled: dict[str, Settled] = {"keep": "kept", "again": "", "skip": "skipped"}
-    event = ProgressEvent(record.at, types[record.choice], progress.pose, name=photo.pending)
-    return replace(progress, photo=replace(photo, pending="", settled=settled[record.choice])), (
-        event,
-    )
+    return follow(track.docked, before, reading)

@@ -1,16 +1,20 @@
-"""What the task engine is fed with, from what is heard of a session while it lives, and from its
-stored record: the same from both.
+"""The task engine's records, from the messages of a live session or from its stored record: both
+give the same.
 
-A state's time is its stamp less the robot's clock offset, one for the whole drive; so is a photo's.
-Everything else has the time at which the server received it, which the record keeps.
+The time of a state, and of a photo, is its stamp minus the robot's clock offset, one for the whole
+drive. All other records have the time at which the server received them, which is stored.
 """
 
 from collections.abc import Iterator, Mapping
 from typing import Any, get_args
 
+import msgspec
+
+from experiments.definition.course import CourseTrack
 from experiments.definition.schema import Outcome
 from experiments.models import Drive
 from experiments.stored_states import StateReader, clock_offsets
+from experiments.tasks.progress import ANSWERS
 from experiments.tasks.records import (
     FirstFrame,
     Input,
@@ -28,13 +32,12 @@ from sessions.protocol import PageEvent
 from sessions.recording.batches import iter_batches
 
 STORED = StateReader(State)
-CHOICES = ("keep", "again", "skip")
 TASK = "task"  # the reason of a session that the task has ended: its outcome is the task's own
 
 
 def of_message(message: object, received_at: float, offset: float) -> Input | None:
-    """Return what a message means for the task; None when nothing. Unix seconds, `offset` the
-    robot's clock minus ours.
+    """Return the input that a message is to the task; None for other messages. Unix seconds,
+    `offset` is the robot's clock minus the server's.
     """
     match message:
         case PageEvent(stamp=stamp, type=kind, data=data):
@@ -47,7 +50,6 @@ def of_message(message: object, received_at: float, offset: float) -> Input | No
 
 
 def of_event(event: SessionEvent, offset: float) -> Input | None:
-    """Return what a stored event means for the task; None when nothing."""
     data = event.data
     if event.source == SessionEvent.Source.PAGE:
         return _of_page(event.type, event.stamp, event.received_at, data)
@@ -62,17 +64,17 @@ def of_event(event: SessionEvent, offset: float) -> Input | None:
 def _of_page(kind: str, stamp: float, received_at: float, data: Mapping[str, Any]) -> Input | None:
     if kind == "first_frame":
         return FirstFrame(received_at, repr(stamp))
-    if kind == "photo_answer" and data.get("choice") in CHOICES:
-        said = data.get("id")  # the page says it again, as the same one, until it is understood
-        return PhotoAnswer(
-            received_at, said if isinstance(said, str) and said else repr(stamp), data["choice"]
-        )
+    if kind == "photo_answer" and data.get("choice") in ANSWERS:
+        # the page repeats an answer, with the same id, until it is acknowledged
+        given = data.get("id")
+        name = given if isinstance(given, str) and given else repr(stamp)
+        return PhotoAnswer(received_at, name, data["choice"])
     return None
 
 
 def ended(session: Session) -> TaskEnded | None:
-    """Return the end of a session as the task takes it: leaving it is no way to complete it, and
-    the time in which a lost connection was waited for is none of its own. None while it lives.
+    """Return the end of a session as an input to the task; None while it lives. Leaving never
+    completes a task, and the time spent waiting for a lost connection is not part of it.
     """
     at = end_of(session)
     if at is None or session.outcome not in get_args(Outcome):
@@ -83,29 +85,31 @@ def ended(session: Session) -> TaskEnded | None:
 
 
 def offset_of(drive: Drive) -> float:
-    """Return the robot's clock minus ours for a drive: what was decided while it lived, else the
-    first that was measured in its record.
-    """
+    """Return the robot's clock minus the server's (s): as decided, else the first measured."""
     if drive.clock_offset is not None:
         return drive.clock_offset
     return clock_offsets(drive.session_id).first() or 0.0
 
 
-def states_of(drive: Drive) -> Iterator[State]:
-    """Yield the stored states of a drive as they came from the robot."""
-    yield from STORED.of(drive.session_id)
+def track_of(drive: Drive) -> CourseTrack | None:
+    """Return the course as it was laid out when the robot was granted, although its plan may have
+    changed since; None for a practice drive.
+    """
+    track = drive.assigned.get("track")
+    return msgspec.convert(track, CourseTrack) if track else None
 
 
-def events_of(drive: Drive) -> Iterator[SessionEvent]:
-    """Yield the stored events of a drive in the order of their stamps."""
-    yield from iter_batches(SessionEvent.objects.filter(session=drive.session_id), 500)
+def rows_with_records(
+    drive: Drive, offset: float
+) -> Iterator[tuple[State | SessionEvent, Record | None]]:
+    """Yield all stored states and then all stored events of a drive, with what they are to the
+    task; its end is not among them.
+    """
+    for state in STORED.of(drive.session_id):
+        yield state, seen(state, offset)
+    for event in iter_batches(SessionEvent.objects.filter(session=drive.session_id), 500):
+        yield event, of_event(event, offset)
 
 
 def stored(drive: Drive, offset: float) -> Iterator[Record]:
-    """Yield all that the record of a drive has for the task, but for the session's end."""
-    for state in states_of(drive):
-        yield seen(state, offset)
-    for event in events_of(drive):
-        record = of_event(event, offset)
-        if record is not None:
-            yield record
+    return (record for _, record in rows_with_records(drive, offset) if record is not None)

@@ -1,1 +1,1 @@
-"""Hidden operators of studies: who they are, their script, their page."""
+"""Hidden operators of studies: their access to sessions, their script, their page."""

@@ -1,4 +1,4 @@
-"""Who operates which session of a study: the provider of sessions/wizard/operators.py."""
+"""Which user may operate which session of a study: the provider of sessions/wizard/operators.py."""
 
 from django.utils.translation import get_language
 
@@ -6,8 +6,8 @@ from accounts.models import User
 from experiments.access import OPERATING, may_operate_as_wizard, role_of
 from experiments.definition.schema import StudyDefinition
 from experiments.models import Drive, Participant, Study, StudyMember
-from experiments.participation.grants import is_for
-from experiments.participation.robot_eligibility import is_shown
+from experiments.participation.drive_status import robots_of
+from experiments.participation.robot_eligibility import may_see
 from experiments.wizard.script import script_of
 from robots.models import Robot
 from sessions.models import Session
@@ -16,14 +16,10 @@ from surveys.documents import spoken
 
 
 class StudyOperators:
-    """Hidden operators by their role in a study."""
-
     def may_operate(self, user: User, robot: Robot) -> bool:
-        """Tell whether somebody operates any study that uses a robot."""
-        return any(robot in robots_of(study.as_definition()) for study in _studies_of(user))
+        return any(robot in operated_robots(study.as_definition()) for study in _studies_of(user))
 
     def operated(self, user: User, session: Session) -> OperatedSession | None:
-        """Return what an operator is told of the session of a drive."""
         drive = (
             Drive.objects.filter(session=session, participant__status=Participant.Status.ACTIVE)
             .select_related("participant__study")
@@ -35,30 +31,20 @@ class StudyOperators:
         wizard = definition.wizard_of(drive.condition)
         if wizard is None:
             return None
-        blind = wizard.blind and is_kept_blind(user, definition.slug)
         language = get_language() or definition.languages[0]
+        condition = definition.condition(drive.condition)
+        title = spoken(condition.title, language) if condition is not None else ""
         return OperatedSession(
             participant=drive.participant.code,
-            condition="" if wizard.blind else _condition_title(definition, drive, language),
-            is_blind=blind,
+            condition="" if wizard.blind else title,
+            # other roles can look up the condition on other pages
+            is_blind=wizard.blind and role_of(user, definition.slug) == "wizard",
             script=script_of(wizard, shown_in=language, spoken_in=drive.participant.language),
         )
 
 
-def is_kept_blind(user: User, slug: str) -> bool:
-    """Tell whether somebody has no other way to the conditions of a study's drives: who runs a
-    study may look them up.
-    """
-    return role_of(user, slug) == "wizard"
-
-
-def _condition_title(definition: StudyDefinition, drive: Drive, language: str) -> str:
-    condition = definition.condition(drive.condition)
-    return spoken(condition.title, language) if condition is not None else ""
-
-
 def _studies_of(user: User) -> list[Study]:
-    """Return the versions with a hidden operator of the studies that somebody may operate."""
+    """Return the versions with a hidden operator of the studies that a user may operate."""
     rows = Study.objects.all()
     if not user.is_superuser:
         members = StudyMember.objects.filter(user=user, role__in=OPERATING)
@@ -66,18 +52,7 @@ def _studies_of(user: User) -> list[Study]:
     return [study for study in rows if study.as_definition().wizard is not None]
 
 
-def robots_of(definition: StudyDefinition) -> list[Robot]:
-    """Return the robots that a study is driven with by a hidden operator."""
-    rows = (
-        Robot.objects.filter(practice=False, enabled=True)
-        .select_related("floor_plan")
-        .defer("floor_plan__image")
-        .order_by("title")
-    )
-    operated = [one for one in definition.conditions if definition.wizard_of(one.key) is not None]
-    return [
-        robot
-        for robot in rows
-        if any(is_for(condition, robot) for condition in operated)
-        and is_shown(robot, definition.slug)
-    ]
+def operated_robots(definition: StudyDefinition) -> list[Robot]:
+    operated = tuple(one for one in definition.conditions if definition.wizard_of(one.key))
+    robots = (robot for robot in robots_of(operated) if may_see(definition.slug, robot))
+    return sorted(robots, key=lambda robot: robot.title)

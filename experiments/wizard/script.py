@@ -1,6 +1,6 @@
 """The script of a study as an operator's page gets it, in one language: pure."""
 
-from collections.abc import Mapping
+from typing import Any
 
 from experiments.definition.wizard import (
     DockMove,
@@ -9,7 +9,6 @@ from experiments.definition.wizard import (
     PlaceMove,
     TiltMove,
     TurnMove,
-    UndockMove,
     Wizard,
     WizardStep,
 )
@@ -36,29 +35,25 @@ def script_of(wizard: Wizard, *, shown_in: str, spoken_in: str) -> Script:
 
 
 def _step(step: WizardStep, shown_in: str, spoken_in: str) -> ScriptStep:
-    fields = {"text": spoken(step.line, spoken_in), "aloud": step.aloud}
-    if step.move is not None:
-        fields = dict(_move(step.move))
+    fields: dict[str, Any] = {"text": spoken(step.line, spoken_in), "aloud": step.aloud}
     return ScriptStep(
         key=step.key,
         title=spoken(step.title, shown_in)[:120],
         shortcut=step.shortcut,
         within=step.within,
-        **fields,  # type: ignore[arg-type]
+        **(fields if step.move is None else _move(step.move)),
     )
 
 
-def _move(move: Move) -> Mapping[str, object]:
+def _move(move: Move) -> dict[str, Any]:
     match move:
         case PlaceMove(name=name):
             return {"action": "goto", "place": name}
-        case DockMove():
-            return {"action": "dock"}
-        case UndockMove():
-            return {"action": "undock"}
         case TiltMove(angle=angle):
             return {"action": "tilt", "angle": angle}
         case TurnMove(angle=angle):
             return {"turn": angle}
         case DriveMove(linear=linear, angular=angular, seconds=seconds):
             return {"drive": TimedDrive(linear=linear, angular=angular, seconds=seconds)}
+        case _:
+            return {"action": "dock" if isinstance(move, DockMove) else "undock"}

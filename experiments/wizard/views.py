@@ -7,9 +7,9 @@ from django.shortcuts import render
 from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_safe
 
-from experiments.access import may_operate_as_wizard
+from experiments.access import may, may_operate_as_wizard
 from experiments.models import Study
-from experiments.wizard.operators import robots_of
+from experiments.wizard.operators import operated_robots
 from robots.models import Robot
 from sessions.wizard import protocol
 
@@ -17,13 +17,20 @@ from sessions.wizard import protocol
 @never_cache
 @require_safe
 def console(request: HttpRequest, slug: str) -> HttpResponse:
-    """Show the operator's page of a study, for one of its robots (`?robot=`)."""
-    study = _study_for(request, slug)
-    robots = robots_of(study.as_definition())
+    versions = list(Study.objects.filter(slug=slug).order_by("-version"))
+    if not versions or not may_operate_as_wizard(request.user, slug):
+        raise Http404
+    # the newest version with a hidden operator, or else the newest
+    operated = (one for one in versions if one.as_definition().wizard is not None)
+    study = next(operated, versions[0])
+    definition = study.as_definition()
+    robots = operated_robots(definition) if definition.wizard is not None else []
     robot = next((one for one in robots if one.name == request.GET.get("robot")), None)
     robot = robot or (robots[0] if robots else None)
     context = {
         "study": study,
+        "has_operator": definition.wizard is not None,
+        "may_build": study.status == Study.Status.DRAFT and may(request.user, slug, "owner"),
         "robots": robots,
         "robot": robot,
         "config": _config(robot) if robot is not None else None,
@@ -31,22 +38,8 @@ def console(request: HttpRequest, slug: str) -> HttpResponse:
     return render(request, "experiments/wizard/console.html", context)
 
 
-def _study_for(request: HttpRequest, slug: str) -> Study:
-    """Return the newest version of a study with a hidden operator.
-
-    Raises:
-        Http404: there is none for whoever asks.
-    """
-    if not may_operate_as_wizard(request.user, slug):
-        raise Http404
-    for study in Study.objects.filter(slug=slug).order_by("-version"):
-        if study.as_definition().wizard is not None:
-            return study
-    raise Http404
-
-
 def _config(robot: Robot) -> dict[str, Any]:
-    """Return what the page's script needs; nothing of it tells a condition."""
+    """Return what the page's script needs; it reveals no condition."""
     factsheet = robot.presence.factsheet or {}
     return {
         "robot": robot.name,

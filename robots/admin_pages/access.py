@@ -1,7 +1,7 @@
-"""Which robots somebody manages in the administration: owners their own, whoever has Django's
-rights to a kind of rows all of them.
+"""Which robots a user manages in the administration: owners their own, users with Django's
+permission for a kind of rows all of them.
 
-Robots of others are not forbidden but absent.
+The robots of others are absent rather than forbidden.
 """
 
 from typing import Any
@@ -31,11 +31,11 @@ class OfRobots(ShownFilters):
     robot = ""
 
     def sees_all(self, request: HttpRequest) -> bool:
-        """Tell whether whoever asks was given the right to look at all such rows."""
+        """Tell whether the user has Django's permission to view all such rows."""
         return bool(super().has_view_permission(request))
 
     def is_of(self, request: HttpRequest, row: Model | None) -> bool:
-        """Tell whether a row belongs to a robot of whoever asks; without a row, whether they have a
+        """Tell whether a row belongs to a robot of the user; without a row, whether the user has a
         robot at all.
         """
         if row is None:
@@ -59,18 +59,18 @@ class OfRobots(ShownFilters):
         return bool(super().has_module_permission(request)) or self.is_of(request, None)
 
     def has_view_permission(self, request: HttpRequest, obj: Model | None = None) -> bool:
-        """Whoever sees all, and the owner."""
+        """Allow users who see all rows, and the owner."""
         return bool(super().has_view_permission(request, obj)) or self.is_of(request, obj)
 
 
 class WithDriver(OfRobots):
-    """Rows that show who drives: by name to whoever sees all of them, and to the robot's owner that
-    somebody does.
+    """Rows that show the driver: users who see all rows read the name, the robot's owner reads
+    "someone".
     """
 
     def get_queryset(self, request: HttpRequest) -> "QuerySet[Any]":
-        """Say with each row whether it may name the driver: a column knows its row and not who
-        asks.
+        """Annotate each row with whether it may name the driver: a column gets its row but not the
+        request.
         """
         return super().get_queryset(request).annotate(names_driver=Value(self.sees_all(request)))
 
@@ -85,8 +85,8 @@ class WithDriver(OfRobots):
 
 
 def theirs_to_change(request: HttpRequest, robots: "QuerySet[Robot]") -> "QuerySet[Robot]":
-    """Leave out robots that whoever asks may only look at: Django asks whether they may do such a
-    thing at all, and not to which.
+    """Leave out robots that the user may only view: Django checks the permission for an action, but
+    not for each of its rows.
     """
     return (
         robots
@@ -95,11 +95,11 @@ def theirs_to_change(request: HttpRequest, robots: "QuerySet[Robot]") -> "QueryS
     )
 
 
-# --- who may drive, for owners, who look nobody up ------------------------------------------------
+# --- permits, for owners, who cannot look up people -----------------------------------------------
 
 
 class PermitForm(ModelForm):
-    """A permit for somebody whose user name the owner knows: owners see no list of people."""
+    """A permit by user name, which the owner must know: owners see no list of people."""
 
     person = CharField(
         label=_("User name"),
@@ -129,7 +129,7 @@ class PermitForm(ModelForm):
 
 
 class _ByRobot:
-    """Permissions of an inline: whoever may change the robot may change who drives it."""
+    """Permissions of an inline: users who may change the robot may change its permits."""
 
     def has_view_permission(self, _request: HttpRequest, _obj: Robot | None = None) -> bool:
         """The page of the robot was allowed already."""

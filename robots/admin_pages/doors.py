@@ -1,17 +1,14 @@
-"""The doors of a simulated site, opened and closed from the administration while
-the robot drives.
-"""
+"""The doors of a simulated site, opened and closed from the administration at any time."""
 
 from typing import Any
 
 from django.contrib import messages
 from django.db import transaction
 from django.http import HttpRequest, HttpResponse, HttpResponseRedirect
-from django.shortcuts import render
 from django.utils.translation import get_language
 from django.utils.translation import gettext as _
 
-from accounts import audit
+from robots.admin_pages.overview import RobotPage
 from robots.models import Robot
 
 STATES = ("open", "closed")
@@ -26,23 +23,23 @@ def has_doors(robot: Robot) -> bool:
     )
 
 
-class DoorPage:
-    """Mixed into the robots' administration, for its permissions and its log."""
+class DoorPage(RobotPage):
+    """A part of the robots' administration."""
 
     def doors_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
         """Show the doors; a POST with `door` and `state` moves one."""
-        robot: Robot = self.managed(request, pk)  # type: ignore[attr-defined]
+        robot = self.managed(request, pk)
         if request.method == "POST":
             self._move(request, robot, request.POST.get("door", ""), request.POST.get("state", ""))
             return HttpResponseRedirect(request.path)
-        context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
-            "title": _("Doors of %(robot)s") % {"robot": robot},
-            "robot": robot,
-            "opts": self.opts,
-            "doors": robot.doors_in(get_language() or ""),  # type: ignore[attr-defined]
-            "movable": has_doors(robot),
-        }
-        return render(request, "admin/robots/robot/doors.html", context)
+        return self.robot_page(
+            request,
+            robot,
+            "doors",
+            _("Doors of %(robot)s"),
+            doors=robot.doors_in(get_language() or ""),
+            movable=has_doors(robot),
+        )
 
     def _move(self, request: HttpRequest, robot: Robot, name: str, state: str) -> None:
         titles = {door["name"]: door["title"] for door in robot.doors_in(get_language() or "")}
@@ -56,6 +53,5 @@ class DoorPage:
         text = (
             _("%(door)s is set to open.") if state == "open" else _("%(door)s is set to closed.")
         ) % {"door": titles[name]}
-        self.log_change(request, robot, text)  # type: ignore[attr-defined]
-        audit.note("door_moved", actor=request.user, robot=robot, thing=name, detail=state)
+        self.log(request, robot, text, "door_moved", thing=name, detail=state)
         messages.success(request, text)

@@ -1,8 +1,8 @@
 """The page that finishes a floor plan: a plan is proposed from its map, then rooms get their names,
 and openings, charging stations, places and checkpoints are moved to where they belong.
 
-What is not stored yet travels with the form, so that several people at one plan cannot see each
-other's half work; it is read as strictly as a file.
+An unsaved draft is part of the form, so that several people who edit one plan do not see each
+other's drafts; it is validated as strictly as a file.
 """
 
 import contextlib
@@ -19,6 +19,7 @@ from django.utils.translation import gettext as _
 
 from accounts import audit
 from robots import plan_edits
+from robots.admin_pages.access import OfRobots
 from robots.api.floorplan import FloorPlan as Plan
 from robots.floorplans import FloorPlanRefusedError, plan_content
 from robots.models import FloorPlan
@@ -28,15 +29,15 @@ from robots.site_drafts import checked, free_at, grid_of, propose, series_titles
 KINDS = ("place", "dock", "checkpoint", "opening")
 
 
-class FinishingPage:
-    """Mixed into the administration of floor plans, for its permissions and its log."""
+class FinishingPage(OfRobots):
+    """A part of the administration of floor plans."""
 
     def finish_view(self, request: HttpRequest, pk: Any) -> HttpResponse:
-        """Show the plan; a POST changes what is shown, or stores it."""
-        row: FloorPlan | None = self.get_object(request, str(pk))  # type: ignore[attr-defined]
+        """Show the plan; a POST changes the draft on the page, or stores it."""
+        row: FloorPlan | None = self.get_object(request, str(pk))
         if row is None:
             raise Http404
-        if not self.has_change_permission(request, row):  # type: ignore[attr-defined]
+        if not self.has_change_permission(request, row):
             raise PermissionDenied
         if request.method != "POST":
             return self._shown(request, row, row.plan, ())
@@ -67,18 +68,18 @@ class FinishingPage:
         except FloorPlanRefusedError as error:
             return self._shown(request, row, {}, error.problems)
         done = _("Plan proposed from the map.")
-        self.log_change(request, row, done)  # type: ignore[attr-defined]
+        self.log_change(request, row, done)
         audit.note("plan_proposed", actor=request.user, thing=row.name)
         return HttpResponseRedirect(request.path)
 
     def _saved(self, request: HttpRequest, row: FloorPlan, draft: Document) -> tuple[str, ...]:
-        """Store the plan; return what is wrong with it instead, when something is."""
+        """Store the plan, or return the problems that keep it from being stored."""
         try:
             grid = grid_of(row)
             _row, kept = store_site(checked(draft, grid), grid)
         except FloorPlanRefusedError as error:
             return error.problems
-        self.log_change(request, row, _("Plan finished."))  # type: ignore[attr-defined]
+        self.log_change(request, row, _("Plan finished."))
         audit.note("plan_finished", actor=request.user, thing=row.name)
         text = _("Saved. To simulate a robot here, start it with --option plan=%(folder)s.")
         text = text % {"folder": kept}
@@ -94,10 +95,10 @@ class FinishingPage:
         *,
         changed: bool = False,
     ) -> HttpResponse:
-        context = self.admin_site.each_context(request) | {  # type: ignore[attr-defined]
+        context = self.admin_site.each_context(request) | {
             "title": _("Finish the plan of %(site)s") % {"site": row.title},
             "row": row,
-            "opts": self.opts,  # type: ignore[attr-defined]
+            "opts": self.opts,
             "plan": draft,
             "draft": json.dumps(draft),
             "site": plan_content(row) | {"plan": draft},

@@ -2,16 +2,19 @@
 it is, how to start it, and who came. A script keeps it fresh.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict
 from typing import Any, Literal
 
+from django.contrib import messages
+from django.core.exceptions import PermissionDenied
 from django.http import HttpRequest, HttpResponse, JsonResponse
-from django.shortcuts import get_object_or_404
+from django.shortcuts import get_object_or_404, render
 from django.urls import reverse
 from django.utils import timezone
 from django.utils.safestring import SafeString
 
+from accounts import audit
 from robots.admin_pages.access import WithDriver
 from robots.admin_pages.owner_status import OwnerStatus, owner_status
 from robots.api.messages import VERSION
@@ -32,8 +35,51 @@ def register_section(place: Place, section: Section) -> None:
     _sections[place] = section
 
 
-class OverviewPage(WithDriver):
-    """A part of the robots' administration."""
+class RobotPage(WithDriver):
+    """A part of the robots' administration: what its pages share, and a robot's own page."""
+
+    def managed(self, request: HttpRequest, pk: Any) -> Robot:
+        """Return a robot for a page that changes it.
+
+        Raises:
+            Http404: there is none, or it is not theirs to see.
+            PermissionDenied: they may look at it and no more.
+        """
+        robot: Robot = get_object_or_404(self.get_queryset(request), pk=pk)
+        if not self.has_change_permission(request, robot):
+            raise PermissionDenied
+        return robot
+
+    def robot_page(
+        self, request: HttpRequest, robot: Robot, name: str, title: str, **more: Any
+    ) -> HttpResponse:
+        """Return the page of a template `name` about a robot, whom the title names."""
+        context = self.admin_site.each_context(request) | {
+            "title": title % {"robot": robot},
+            "robot": robot,
+            "opts": self.opts,
+        }
+        return render(request, f"admin/robots/robot/{name}.html", context | more)
+
+    def log(self, request: HttpRequest, robot: Robot, text: str, act: str, **more: str) -> None:
+        """Enter a change of a robot into its history, and into the audit log as `act`."""
+        self.log_change(request, robot, text)
+        audit.note(act, actor=request.user, robot=robot, **more)
+
+    def change_each(
+        self,
+        request: HttpRequest,
+        robots: Sequence[Robot],
+        change: Callable[[Robot], object],
+        text: str,
+        act: str,
+        done: str,
+    ) -> None:
+        """Change several robots and log each change; `done` tells the user their number `n`."""
+        for robot in robots:
+            change(robot)
+            self.log(request, robot, text, act)
+        self.message_user(request, done % {"n": len(robots)}, messages.SUCCESS)
 
     def change_view(
         self,

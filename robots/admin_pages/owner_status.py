@@ -1,5 +1,5 @@
-"""What a robot's owner is told of it: one colour, one label, and one sentence on what it does and
-what to do next. Pure, beside what its card says to visitors (robots/cards.py).
+"""A robot's status for its owner: a colour, a label, and a sentence on what it does and what to do
+next. Pure; robots/cards.py has the status for visitors.
 """
 
 import datetime
@@ -83,7 +83,7 @@ def _present(robot: Robot, shown: RobotCard, *, driven: bool) -> tuple[Tone, str
 
 
 def _standstill(report: Any) -> str:
-    """Return why nobody can drive a robot that is connected, and what to do."""
+    """Return why a connected robot cannot be driven, and what to do."""
     why = standstill_of(report)
     if why == "not_connected":
         sentence = _(
@@ -100,7 +100,7 @@ def _standstill(report: Any) -> str:
 
 
 def _between(robot: Robot, shown: RobotCard) -> tuple[Tone, str, str]:
-    """Return the state of a robot that takes no visitor for now, though nobody drives it."""
+    """Return the state of a robot that accepts no visitor although it has no driver."""
     if robot.held:
         sentence = _("A researcher paused visits: %(why)s. Resume them in the study's live view.")
         return "attention", shown.label, sentence % {"why": robot.held}

@@ -46,7 +46,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 VERSION = "0.1.0"
 LAST_SECONDS = 5.0  # after a second Ctrl-C, until the process ends whatever it waits for
-GLANCE = 0.2  # s between two looks at the control thread; a signal is answered as soon
+POLL_INTERVAL_S = 0.2  # between two checks of the control thread and of signals
 
 MakeAdapter = Callable[[AgentConfig], Adapter]
 MakeMedia = Callable[[Equipment, AgentConfig, ControlLoop], Media]
@@ -78,13 +78,7 @@ def _nothing() -> None:
 
 class Agent:
     """One robot's agent. `run` blocks; `stop` may be called from any thread, and from a signal
-    handler.
-
-    Args:
-        config: who we are and where to go.
-        make_adapter: builds the adapter; again after a crash.
-        make_media: builds the media side, likewise.
-        rng: spreads the attempts of many robots.
+    handler. Adapter and media side are made again after a crash; `rng` spreads many robots.
     """
 
     def __init__(
@@ -118,7 +112,7 @@ class Agent:
         urls = broker_urls(self._config, Backoff(self._rng, first=1.0, longest=30.0), self._pause)
         if urls is None:
             return
-        self._endpoints(urls)  # a wrong one is told at once
+        self._endpoints(urls)  # a wrong one fails at once
         backoff = Backoff(self._rng, first=1.0, longest=30.0)
         threading.Thread(target=self._keep_renewing, name="credentials", daemon=True).start()
         while not self._stopping.is_set():
@@ -129,8 +123,8 @@ class Agent:
                 raise
             except AdapterError as error:
                 raise ConfigError(str(error)) from error
-            # Broad, because this is the supervisor: a robot nobody can reach has to come back by
-            # itself, whatever went wrong.
+            # Broad, because this is the supervisor: an unreachable robot must recover by itself,
+            # whatever went wrong.
             except Exception:
                 log.exception("agent_crashed", robot=self._config.robot)
             if not self._stopping.is_set():
@@ -144,9 +138,7 @@ class Agent:
         return self._stopping.wait(seconds)
 
     def _serve(self, endpoints: tuple[Endpoint, ...], built: Callable[[], None]) -> None:
-        """One run of the agent: one boot. Returns when it is to end, or when its control or media
-        thread has died.
-        """
+        """Run once (one boot), until `stop`, or until the control or media thread has died."""
         adapter = self._make_adapter(self._config)
         equipment = equipment_of(adapter, self._config)
         boot = new_boot(time.time())
@@ -169,8 +161,8 @@ class Agent:
             log.info(
                 "agent_started", robot=self._config.robot, adapter=self._config.adapter, boot=boot
             )
-            hangs = HangDetector(round(HANG_S / GLANCE))
-            while not (self._stopping.is_set() or media.ended or control.wait(GLANCE)):
+            hangs = HangDetector(round(HANG_S / POLL_INTERVAL_S))
+            while not (self._stopping.is_set() or media.ended or control.wait(POLL_INTERVAL_S)):
                 if hangs.look(control.ticks):
                     end_process(control.thread, "control")
                 self._systemd.alive()
@@ -194,9 +186,7 @@ class Agent:
         keep_renewing(self._config, self._renewed, self._stopping.wait)
 
     def _renewed(self, lines: dict[str, str]) -> None:
-        """Go on with new credentials from the next connection on; the present one holds as long as
-        the server lets the old ones.
-        """
+        """Use new credentials from the next connection on."""
         self._config = replace(
             self._config, token=lines["token"], user=lines.get("user", self._config.robot)
         )
@@ -222,18 +212,15 @@ class Agent:
 
 
 def new_boot(unix: float) -> str:
-    """Return the id of a run of the agent. Ids sort by time, so that of two agents of one robot the
-    newer is known.
-    """
+    """Return the id of a run of the agent; ids sort by time, so the newer agent is known."""
     return f"{int(unix * 1000):012x}-{secrets.token_hex(4)}"
 
 
 def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability, ...]:
     """Return what the robot can do: the adapter's, and what the agent does by itself.
 
-    Assistance where a sensor tells of obstacles; picture and sound by what there is, photos with a
-    picture; words, calls and dots on what is shared, which every robot's screen can show; a worse
-    network for the driver.
+    Assistance with a sensor for obstacles; video and sound by what there is, photos with video;
+    messages, calls and pointers, which every robot's screen can show; a worse network.
     """
     sees: tuple[Capability, ...] = ("video", "photo") if equipment.video is not None else ()
     hears: tuple[Capability, ...] = ("audio",) if equipment.audio is not None else ()
@@ -246,7 +233,7 @@ def capabilities_of(adapter: Adapter, equipment: Equipment) -> tuple[Capability,
 def factsheet_of(
     adapter: Adapter, equipment: Equipment, config: AgentConfig, boot: str
 ) -> Factsheet:
-    """Return what everybody may know of the robot; where its camera looks only while it has one."""
+    """Return the public data of the robot; its camera's only while it has one."""
     profile = adapter.profile
     return Factsheet(
         name=config.robot,
@@ -264,6 +251,8 @@ def factsheet_of(
         watchdog=profile.watchdog,
         viewers=config.viewers,
         navigation_control=profile.navigation_control or "",
+        adapter=registry.version_of(config.adapter, VERSION),
+        driver=profile.driver,
     )
 
 
@@ -279,11 +268,7 @@ def agent_of(arguments: Mapping[str, Any]) -> Agent:
 
 
 def _check(config: AgentConfig) -> None:
-    """Build the robot's side for nothing; `create` starts and reaches nothing.
-
-    Raises:
-        ConfigError: no such adapter, profile, option, site or device.
-    """
+    """Build the robot's side without starting it; raises ConfigError for what is wrong."""
     try:
         equipment_of(_adapter(config), config)
     except AdapterError as error:
@@ -291,8 +276,7 @@ def _check(config: AgentConfig) -> None:
 
 
 def run_until_signalled(agent: Agent) -> None:
-    """Run an agent in the main thread until Ctrl-C or the system's wish to end it; a second Ctrl-C
-    does not wait.
+    """Run an agent in the main thread until SIGINT or SIGTERM; a second one does not wait.
 
     Raises:
         ConfigError: as `Agent.run`.
@@ -324,7 +308,6 @@ def _log_thread(arguments: threading.ExceptHookArgs) -> None:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run `python -m robots.agent` and return the exit code."""
     parser = ArgumentParser(
         prog="python -m robots.agent",
         description="The agent of a robot: connects it to a telepresence server.",

@@ -1,5 +1,4 @@
-"""What an agent is told: by its command line, its environment, or a credentials file, in this
-order.
+"""An agent's settings: from command line, environment, or a credentials file, in this order.
 
 A credentials file is TOML, as the site hands it out when credentials are made: `robot`, `token`,
 and where to reach the server (`server`, or the broker itself as `mqtt_url`); it may also name `ca`,
@@ -54,9 +53,7 @@ class ConfigError(ValueError):
 
 @dataclass(frozen=True)
 class AgentConfig:
-    """Everything that differs between two agents. One of `server` and `mqtt_url` is set; `var`
-    keeps what survives a restart.
-    """
+    """What differs between agents: one of `server` and `mqtt_url`; `var` survives restarts."""
 
     robot: str
     server: str | None
@@ -291,9 +288,7 @@ def _checked_name(robot: str) -> str:
 def credentials_path(
     arguments: Mapping[str, Any], environment: Mapping[str, str] | None = None
 ) -> Path:
-    """Return where the credentials are, or are to be: the file that was named, or where the site
-    keeps those on its own machine.
-    """
+    """Return where the credentials are: the named file, or the site's own folder for them."""
     environment = os.environ if environment is None else environment
     var = Path(arguments.get("var") or environment.get(f"{ENVIRONMENT}VAR") or "var")
     named = arguments.get("credentials") or environment.get(f"{ENVIRONMENT}CREDENTIALS")
@@ -305,7 +300,7 @@ def _usual_path(var: Path, robot: str) -> Path:
 
 
 def _credentials(path: Path, *, named: bool, robot: str) -> dict[str, Any]:
-    """Read a credentials file; only one that was named has to be there."""
+    """Read a credentials file; it may be missing unless it was named."""
     if not named and not path.exists():
         return {}
     try:
@@ -363,9 +358,7 @@ def _is_site(address: str) -> bool:
 
 
 def _check_token(found: Mapping[str, Any]) -> None:
-    """Let nothing go into the header of a request, and from there into a log, that cannot be a
-    token of a site's.
-    """
+    """Refuse what cannot be a token: it would get into a request's header, and into a log."""
     token = str(found["token"] or "")
     if not (token.isascii() and token.isprintable()) or " " in token:
         raise ConfigError(
@@ -375,9 +368,7 @@ def _check_token(found: Mapping[str, Any]) -> None:
 
 
 def _check_adapter(found: Mapping[str, Any], *, enrolling: bool) -> None:
-    """Let nobody meet a simulated robot in the place of a real one: an agent that reaches its site
-    from elsewhere says what it drives.
-    """
+    """Refuse to guess: a simulated robot must never replace a real one by mistake."""
     if not found["adapter"] and (enrolling or not found["mqtt_url"]):
         raise ConfigError(
             f"no adapter is given: add --adapter ({', '.join(_adapter_names())}, or a .py file)"
@@ -400,9 +391,7 @@ def _options(given: list[str]) -> dict[str, str]:
 
 
 def _networks(arguments: Mapping[str, Any]) -> Networks:
-    """Return what the command line puts on drivers' networks; as in a study, the picture's seed is
-    the next one.
-    """
+    """Return the drivers' networks; the video's seed is the next one, as in a study."""
     text = str(arguments.get("network_seed") or "0")
     if not (text.isdecimal() and int(text) <= LARGEST_SEED):
         raise ConfigError(

@@ -1,7 +1,4 @@
-"""Messages on a stream between processes of one robot: four bytes of length, then MessagePack.
-
-What the messages are, each wire says for itself.
-"""
+"""Messages between processes of one robot: four bytes of length, then MessagePack."""
 
 import asyncio
 from collections.abc import AsyncIterator
@@ -18,7 +15,7 @@ _encoder = msgspec.msgpack.Encoder()
 
 
 class WireError(Exception):
-    """The other side said something that is no message."""
+    """The other side sent something that is no message."""
 
 
 def pack(message: msgspec.Struct) -> bytes:
@@ -28,11 +25,7 @@ def pack(message: msgspec.Struct) -> bytes:
 
 
 def length(header: bytes, limit: int = LIMIT) -> int:
-    """Return how many bytes follow a header.
-
-    Raises:
-        WireError: more than `limit`; whoever speaks here speaks another language.
-    """
+    """Return how many bytes follow a header; raises WireError above `limit`."""
     size = int.from_bytes(header, "big")
     if size > limit:
         raise WireError(f"invalid message length: {size} bytes")
@@ -40,24 +33,16 @@ def length(header: bytes, limit: int = LIMIT) -> int:
 
 
 def unpack(decoder: msgspec.msgpack.Decoder[Message], body: bytes) -> Message:
-    """Return a message of those that the decoder knows.
-
-    Raises:
-        WireError: it is none of them.
-    """
+    """Return a message that the decoder knows; raises WireError for any other."""
     try:
         return decoder.decode(body)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        # a text that is none is told so by Python, not by msgspec
+        # invalid text is refused by Python, not by msgspec
         raise WireError(str(error)) from error
 
 
 def take(buffer: bytearray, limit: int = LIMIT) -> bytes | None:
-    """Take the first message off a buffer and return its bytes, None while not all of it is there.
-
-    Raises:
-        WireError: something else stands there.
-    """
+    """Take the first message off a buffer, None while incomplete; raises WireError."""
     if len(buffer) < HEADER:
         return None
     end = HEADER + length(bytes(buffer[:HEADER]), limit)

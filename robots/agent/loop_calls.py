@@ -16,11 +16,7 @@ MOST_FRAMES = 60  # of video and sound: late ones are useless
 
 
 class LoopCalls:
-    """The calls that wait for one loop; `loop` is None before it runs and after it has ended.
-
-    Args:
-        name: of the loop, for the log.
-    """
+    """The calls that wait for one loop; `loop` is None before it runs and after it has ended."""
 
     def __init__(self, name: str) -> None:
         self.loop: asyncio.AbstractEventLoop | None = None
@@ -29,9 +25,7 @@ class LoopCalls:
         self._waiting = self._dropped = 0
 
     def post(self, call: Callable[..., None], *arguments: Any, most: float = MOST_CALLS) -> None:
-        """Have the loop call this. The call is dropped and counted when `most` calls wait, and
-        nothing happens without a loop.
-        """
+        """Have the loop call this; dropped when `most` calls wait already, or without a loop."""
         with self._lock:
             loop = self.loop
             if loop is None:

@@ -4,12 +4,13 @@ units.
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 from robots.api.messages import AssistLevel, LeaseLimits, Limits, Velocity
 
 ZERO = Velocity(linear=0.0, angular=0.0)
 
-# How long a robot that nobody steers any more may go on, in seconds.
+# How long a robot may go on without commands, in seconds.
 LONGEST_DEADMAN = 1.0
 LONGEST_WATCHDOG = 2.0
 # With assistance the robot keeps this much room (m) and never asks the visitor to creep slower than
@@ -20,9 +21,7 @@ ASSIST_CREEP = 0.1
 
 @dataclass(frozen=True)
 class Caps:
-    """The largest speeds allowed right now: forward and backward in m/s, turning in rad/s, none
-    negative.
-    """
+    """The largest speeds now: forward and backward in m/s, turning in rad/s, not negative."""
 
     linear: float
     reverse: float
@@ -49,8 +48,7 @@ def caps(limits: Limits, lease: LeaseLimits | None, assist_linear: float | None 
 
 
 def assist_speed(level: AssistLevel, clearance: float | None, limits: Limits) -> float | None:
-    """Return the speed in m/s from which the robot can stop within its clearance, None when nobody
-    assists.
+    """Return the speed in m/s from which the robot can stop within its clearance, None when "off".
 
     Without a measured clearance (m) half of the robot's own limit.
     """
@@ -72,23 +70,11 @@ def ramp(
     Getting slower is bounded by the braking limits over `dt`, getting faster by the acceleration
     limits over `dt_up` <= `dt`.
     """
+    axis = partial(approach, dt=dt, dt_up=dt_up)
+    linear, angular = limits.linear_acceleration, limits.angular_acceleration
     return Velocity(
-        linear=approach(
-            current.linear,
-            target.linear,
-            limits.linear_acceleration,
-            limits.linear_braking,
-            dt=dt,
-            dt_up=dt_up,
-        ),
-        angular=approach(
-            current.angular,
-            target.angular,
-            limits.angular_acceleration,
-            limits.angular_braking,
-            dt=dt,
-            dt_up=dt_up,
-        ),
+        linear=axis(current.linear, target.linear, linear, limits.linear_braking),
+        angular=axis(current.angular, target.angular, angular, limits.angular_braking),
     )
 
 
@@ -104,6 +90,11 @@ def no_faster(velocity: Velocity, motion: Velocity) -> Velocity:
     )
 
 
+def is_within(velocity: Velocity, largest: Velocity) -> bool:
+    """Tell whether no axis is faster than in `largest`, in either direction."""
+    return abs(velocity.linear) <= largest.linear and abs(velocity.angular) <= largest.angular
+
+
 def approach(
     value: float, target: float, acceleration: float, braking: float, *, dt: float, dt_up: float
 ) -> float:
@@ -114,7 +105,7 @@ def approach(
         slower = max(goal, speed - braking * dt)
         if slower > goal or goal == target * sign:
             return sign * slower + 0.0  # never -0.0, which JSON would show
-        # Reversing: what is left of the time after standing still goes into the other direction.
+        # Reversing: the time that remains after the stop goes into the other direction.
         return approach(
             0.0, target, acceleration, braking, dt=dt, dt_up=max(0.0, dt_up - speed / braking)
         )
@@ -122,15 +113,8 @@ def approach(
 
 
 def check_times(watchdog: float, limits: Limits) -> None:
-    """See to it that a robot which nobody steers any more stops soon, by one of two: the agent's
-    deadman, then the base's watchdog.
-
-    Args:
-        watchdog: seconds after which the base stops by itself.
-        limits: with the deadman, the seconds of silence after which the agent brakes.
-
-    Raises:
-        ValueError: one of them is too long, or the watchdog would strike first; one sentence.
+    """Check that a robot without a driver stops soon: by the agent's deadman, then by the base's
+    `watchdog` (seconds). Raises ValueError with one sentence.
     """
     deadman = limits.deadman
     if not deadman <= LONGEST_DEADMAN:

@@ -1,7 +1,7 @@
 """What an adapter is: the one place where this project meets a robot control architecture (RCA).
 
-An adapter translates and nothing more. It never decides what is safe (the safety kernel has done so
-before `apply`), and never sees MQTT or WebRTC. To connect a new robot, write one class with these
+An adapter only translates. It never decides on safety (the safety kernel has done so before
+`apply`), and never sees MQTT or WebRTC. To connect a new robot, write one class with these
 members: docs/howto/write-an-adapter.md says how.
 
 Times: `stamp` is Unix time in seconds of the robot's computer. Lengths in metres, angles in
@@ -40,9 +40,7 @@ NOWHERE = Pose(x=0.0, y=0.0, theta=0.0, localized=False, score=0.0)
 
 
 class AdapterError(Exception):
-    """The robot control architecture cannot be reached, or refused; the message is one sentence for
-    the robot's owner.
-    """
+    """The RCA cannot be reached, or refused; the message is one sentence for the owner."""
 
 
 class ActionRefusedError(AdapterError):
@@ -58,8 +56,8 @@ class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
     """A sensor that measures the distance of the nearest thing in a cone: ultrasound, or infrared.
 
     It sits at `x`, `y` in the robot's frame and looks along `theta`; `width` is the whole angle of
-    its cone, in radians. It measures nothing beyond `farthest` metres, and what is nearer than
-    `nearest` as that.
+    its cone, in radians. It measures nothing beyond `farthest` metres, and `nearest` for
+    anything nearer.
     """
 
     x: float
@@ -71,9 +69,7 @@ class Sonar(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where the points of `RcaState.points` are seen from, as `Sonar`: the middle of the view, its
-    whole angle, and how far it reaches.
-    """
+    """The view of `RcaState.points`, as `Sonar`: its middle, whole angle and reach."""
 
     x: float = 0.0
     y: float = 0.0
@@ -84,22 +80,21 @@ class DepthCamera(Struct, frozen=True, forbid_unknown_fields=True):
 
 @dataclass(frozen=True)
 class Profile:
-    """What is fixed about a robot, known before `connect()`: the adapter's share of the factsheet.
+    """A robot's fixed data, known before `connect()`: the adapter's share of the factsheet.
 
     `footprint` is a convex polygon of (x, y) in the robot's frame; `watchdog` the seconds after
     which the base stops by itself when the agent is dead or stuck. An adapter without a watchdog is
     refused.
 
-    What else a robot gets follows from what is named here, one by one: who names sensors for
-    obstacles gets a collision monitor and assistance (obstacle_sources.py), and who names a `laser`
-    gets the localization and the navigation that it lacks (navigation_layer/). Sensors for
-    obstacles are `laser` (readings have `scan`), `sonars` (`sonar`), `bumper` (`bumper`) and
-    `depth` (`points`).
-    `plan` is the site where such a robot stands, a shipped name or a folder, and `start` where it
-    stands there when it is connected first; both are empty when the RCA cannot know.
+    A robot with sensors for obstacles gets a collision monitor and assistance
+    (obstacle_sources.py), one with a `laser` also the localization and the navigation that it lacks
+    (navigation_layer/). Sensors for obstacles are `laser` (readings have `scan`), `sonars`
+    (`sonar`), `bumper` (`bumper`) and `depth` (`points`). `plan` is the robot's site, by name or
+    folder, and `start` its pose at the first connection; both are empty when unknown.
 
-    A robot that is measured slower than `standstill_linear` (m/s) and `standstill_angular` (rad/s)
-    is at rest. `navigation_control` is None for a robot whose RCA does not move it by itself.
+    A robot whose measured speeds do not exceed `standstill_linear` (m/s) and `standstill_angular`
+    (rad/s) is at rest. `navigation_control` is None for a robot whose RCA does not move it by
+    itself. `driver` is the software of its base with its version, empty when unknown.
     """
 
     series: str
@@ -120,13 +115,17 @@ class Profile:
     standstill_linear: float = 0.02
     standstill_angular: float = 0.05
     navigation_control: NavigationControl | None = None
+    driver: str = ""
+
+    @property
+    def standstill(self) -> Velocity:
+        """The largest velocity that counts as rest."""
+        return Velocity(linear=self.standstill_linear, angular=self.standstill_angular)
 
 
 @dataclass(frozen=True)
 class SonarEcho:
-    """One measurement of one of `Profile.sonars`, by its index: metres from the sensor, None where
-    nothing came back.
-    """
+    """A measurement of a sonar (index in `Profile.sonars`): metres, None for no echo."""
 
     sonar: int
     stamp: float
@@ -135,9 +134,7 @@ class SonarEcho:
 
 @dataclass(frozen=True, eq=False)
 class ObstaclePoints:
-    """What a depth camera sees of obstacles at `stamp`: (n, 2) in the robot's frame, metres, the
-    floor and what is overhead left out.
-    """
+    """Obstacles at `stamp`: (n, 2) in the robot's frame, metres, without floor and overhead."""
 
     stamp: float
     points: npt.NDArray[np.float64]
@@ -151,14 +148,15 @@ class RcaState:
     is docked, robots/api/docked.py says. `pose` is `NOWHERE` when the RCA does not localize itself;
     `odometry` is dead reckoning, in a frame of its own that begins anywhere. `clearance` is the
     distance in metres from the footprint to the nearest thing, None when unknown. `contacts` counts
-    the collisions that began since connect(), `distance` the metres driven since then. `estop` is
-    true while the robot's own emergency button is pressed, None until that is reported. `path` is
-    what the robot follows by itself, in map metres, () when that is nothing, None when unknown.
-    `scan`, `sonar` and `points` are what is new since the reading before. `bumper` has the
-    directions, in radians in the robot's frame, in which something touches the robot now: ()
-    nothing, None when that is not known. `assist_why` and `assist_point` say what the assistance of
-    an RCA that has one minds, as in `messages.State`. `battery` and `tilt` have None for what the
-    robot does not know: never a guess.
+    the collisions that began since connect(), `distance` the metres driven since then.
+    `is_measured` is false when `velocity` only repeats an earlier measurement, which does not show
+    that the robot is still at rest. `estop` is true while the robot's own emergency button is
+    pressed, None until that is reported. `path` is what the robot follows by itself, in map metres,
+    () when that is nothing, None when unknown. `scan`, `sonar` and `points` are new since
+    the reading before. `bumper` has the directions, in radians in the robot's frame, in which
+    something touches the robot now: () nothing, None when that is not known. `assist_why` and
+    `assist_point` are those of an RCA's own assistance, as in `messages.State`.
+    `battery` and `tilt` have None for what the robot does not know: never a guess.
     """
 
     stamp: float
@@ -180,6 +178,7 @@ class RcaState:
     sonar: tuple[SonarEcho, ...] = ()
     bumper: tuple[float, ...] | None = None
     points: ObstaclePoints | None = None
+    is_measured: bool = True
 
 
 @dataclass(frozen=True)
@@ -207,12 +206,10 @@ class Frame:
 
     @property
     def width(self) -> int:
-        """Return the pixels of a row."""
         return int(self.image.shape[1])
 
     @property
     def height(self) -> int:
-        """Return the rows of pixels."""
         rows = int(self.image.shape[0])
         return rows if self.format == "rgb24" else rows * 2 // 3
 
@@ -224,14 +221,10 @@ class VideoSource(Protocol):
         """Begin to capture; idempotent."""
 
     def stop(self) -> None:
-        """Stop capturing, because nobody watches; idempotent."""
+        """Stop capturing, without viewers; idempotent."""
 
     def read(self, timeout: float) -> Frame | None:
-        """Block for the next picture, at most `timeout` seconds; None when there was none.
-
-        Raises:
-            AdapterError: the camera is gone.
-        """
+        """Block for the next frame, for `timeout` s at most; None without one, or AdapterError."""
 
 
 class AudioSource(Protocol):
@@ -248,55 +241,33 @@ class AudioSource(Protocol):
 
 
 class Speaker(Protocol):
-    """The robot's loudspeaker. All methods are called from one thread of the media side, which may
-    wait for them.
-    """
+    """The robot's loudspeaker; called from one thread of the media side, and may block."""
 
     def start(self) -> None:
-        """Get ready to play; idempotent.
-
-        Raises:
-            AdapterError: the loudspeaker is gone.
-        """
+        """Get ready to play; idempotent. Raises AdapterError when it is gone."""
 
     def stop(self) -> None:
-        """Be silent, because nobody speaks; idempotent."""
+        """Be silent; idempotent."""
 
     def play(self, samples: npt.NDArray[np.int16]) -> None:
-        """Play samples, (n,): mono, 48 kHz.
-
-        Raises:
-            AdapterError: the loudspeaker is gone.
-        """
+        """Play samples, (n,): mono, 48 kHz. Raises AdapterError when it is gone."""
 
 
 class Display(Protocol):
-    """A display of the robot that is not a browser (one that is opens the page of the robot's
-    screen). Called like a Speaker.
-    """
+    """A display that is not a browser; called like a Speaker."""
 
     def start(self) -> None:
-        """Get ready to show; idempotent.
-
-        Raises:
-            AdapterError: the display is gone.
-        """
+        """Get ready to show; idempotent. Raises AdapterError when it is gone."""
 
     def stop(self) -> None:
-        """Show nobody; idempotent."""
+        """Show no visitor; idempotent."""
 
     def show(self, image: npt.NDArray[np.uint8]) -> None:
-        """Show a picture of the visitor, (height, width, 3) RGB.
-
-        Raises:
-            AdapterError: the display is gone.
-        """
+        """Show the visitor, (height, width, 3) RGB. Raises AdapterError when it is gone."""
 
 
 class Adapter(Protocol):
-    """A robot control architecture, as the agent sees it. All methods run on the control loop and
-    none may block it.
-    """
+    """A robot control architecture for the agent; called on the control loop, never blocks."""
 
     profile: Profile
 
@@ -339,9 +310,7 @@ class Adapter(Protocol):
         """
 
     def states(self) -> AsyncIterator[RcaState]:
-        """Yield the RCA's state as it comes, at least at 10 Hz; ends or raises AdapterError when
-        the RCA is gone.
-        """
+        """Yield the RCA's state at 10 Hz or more; ends or raises AdapterError when it is gone."""
 
     def progress(self) -> AsyncIterator[ActionProgress]:
         """Yield news of started actions."""
@@ -353,24 +322,18 @@ class Adapter(Protocol):
         """Return the microphone, or None."""
 
     def configure(self, config: Any) -> None:
-        """Take a `Config` message (assist level, doors of the simulator); what does not concern the
-        RCA is ignored.
-        """
+        """Take a `Config` message; what does not concern the RCA is ignored."""
 
     async def close(self) -> None:
-        """Leave the robot standing and let go of it."""
+        """Leave the robot at rest and disconnect."""
 
 
 @runtime_checkable
 class PassesVelocities(Protocol):
-    """What an adapter offers besides when the velocities of the RCA's own navigation pass through
-    the agent (`navigation_control` is "agent").
-    """
+    """Optional: velocities of the RCA's own navigation pass through the agent."""
 
     def wanted(self) -> Velocity | None:
-        """Return what the navigation wants now, None when no action of ours runs; zero when its
-        last velocity is older than 0.3 s.
-        """
+        """Return what the navigation wants, None without an action; zero after 0.3 s."""
 
 
 @runtime_checkable
@@ -395,9 +358,7 @@ class LimitsSpeed(Protocol):
 
 @runtime_checkable
 class Severable(Protocol):
-    """What an adapter offers besides so that `run_robot NAME --check` can show what becomes of the
-    RCA's own navigation when the agent is lost.
-    """
+    """Optional: lets `--check` show what becomes of the navigation when the agent is lost."""
 
     def sever(self) -> None:
         """Drop the connection at once and without a goodbye, as the death of the agent's process
@@ -419,9 +380,7 @@ class Navigating(Protocol):
         """Where the robot stands when it is docked."""
 
     def wanted(self) -> Velocity | None:
-        """Return the velocity that a running action wants now, None when none does; an old wish is
-        a wish to stand.
-        """
+        """Return the running action's velocity, None without one; an old one becomes zero."""
 
     def located(self, reading: RcaState, points: npt.NDArray[np.float64]) -> RcaState:
         """Take a reading of `states()`, and (n, 2) points of obstacles in the robot's frame; return
@@ -437,9 +396,7 @@ class Navigating(Protocol):
 
 @runtime_checkable
 class WithOutputs(Protocol):
-    """What an adapter offers besides when the robot has a loudspeaker or a display that the agent
-    may use.
-    """
+    """Optional: a loudspeaker or a display that the agent may use."""
 
     def speaker(self) -> Speaker | None:
         """Return the loudspeaker, always the same one, or None."""

@@ -1,8 +1,7 @@
-"""What an agent must not forget when it is restarted: a latched e-stop, and the newest lease it has
-seen.
+"""What an agent must keep across restarts: a latched e-stop, and the newest lease it has seen.
 
-Small JSON files, replaced whole. A latch that cannot be read counts as latched: the robot stays
-where it is until somebody looks.
+Small JSON files, replaced whole. A latch that cannot be read counts as latched, until
+it is released by hand.
 """
 
 import contextlib
@@ -22,9 +21,7 @@ LOW_MB = 200  # of room for these files, logs and updates, below which the robot
 
 
 class Store:
-    """Files of one robot in one directory. Methods block for a disk write: call
-    them off the loop.
-    """
+    """Files of one robot in one directory. Methods block on the disk: call them off the loop."""
 
     def __init__(self, directory: Path) -> None:
         self._latch = directory / "estop.json"
@@ -32,20 +29,14 @@ class Store:
         self._space = DiskSpace(directory, LOW_MB)
 
     def prepare(self) -> None:
-        """Make the directory.
-
-        Raises:
-            OSError: it cannot be made, or not be written to.
-        """
+        """Make the directory; raises OSError when it cannot be made or written to."""
         self._latch.parent.mkdir(parents=True, exist_ok=True)
         probe = self._latch.parent / ".writable"
         probe.write_text("")
         probe.unlink()
 
     def shortage(self) -> tuple[str, ...]:
-        """Return what the robot's `errors` say of a disk that fills up: `disk_low` or `disk_full`,
-        a colon, and what is left. Quick.
-        """
+        """Return the error `disk_low` or `disk_full`, a colon, and what is left. Quick."""
         try:
             state = self._space.state() if self._latch.parent.is_dir() else "ok"
         except OSError:  # a disk that is dying
@@ -73,11 +64,7 @@ class Store:
             return EStopLatch(UNREADABLE, 0.0, "", str(error))
 
     def keep_latch(self, latch: EStopLatch | None) -> None:
-        """Remember an e-stop, or that there is none.
-
-        Raises:
-            OSError: the disk does not take it.
-        """
+        """Store an e-stop, or None for none; raises OSError."""
         if latch is None:
             self._latch.unlink(missing_ok=True)
             return
@@ -96,11 +83,7 @@ class Store:
         return None
 
     def keep_lease(self, newest: Remembered) -> None:
-        """Remember a grant.
-
-        Raises:
-            OSError: the disk does not take it.
-        """
+        """Store a grant; raises OSError."""
         _replace(self._lease, asdict(newest))
 
 

@@ -26,9 +26,7 @@ def nice() -> int | None:
 
 
 def set_nice(value: int | None) -> bool:
-    """Set this thread's nice value; return False when that is not possible. None
-    changes nothing.
-    """
+    """Set this thread's nice value (None: leave it); False when that is not possible."""
     if value is None or not sys.platform.startswith("linux"):
         return False
     try:

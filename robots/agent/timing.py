@@ -1,6 +1,4 @@
-"""Time in the agent's loops: clocks that a test can turn, what is due every so often, and how long
-to wait before trying again.
-"""
+"""Time in the agent's loops: clocks that a test can turn, periods, and pauses before retries."""
 
 import random
 import time
@@ -54,9 +52,7 @@ class Backoff:
     _next: float = 0.0
 
     def failed(self, held: float = 0.0) -> float:
-        """Return how long to wait after a connection that held for `held` seconds (0: it never
-        came).
-        """
+        """Return seconds to wait after a connection that held for `held` seconds (0: none)."""
         base = self.first if held >= self.settled else max(self.first, self._next)
         self._next = min(self.longest, base * 2)
         return base * self.rng.uniform(0.5, 1.0)

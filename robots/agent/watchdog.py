@@ -29,13 +29,10 @@ NOTIFY_PERIOD_S = 1.0
 
 
 class HangDetector:
-    """Compares the ticks of a loop at each look.
+    """Compares the ticks of a loop at each look; it hangs after `looks` without one.
 
     Looks count and not the time between them: a process that was suspended does not hang when it
     goes on.
-
-    Args:
-        looks: without a tick, after which the loop counts as hung.
     """
 
     def __init__(self, looks: int) -> None:
@@ -61,11 +58,7 @@ def end_process(thread: threading.Thread, where: str) -> NoReturn:
 
 
 class Systemd:
-    """Tells the service manager that this process works; does nothing without one.
-
-    Args:
-        environment: NOTIFY_SOCKET is the address of the service manager.
-    """
+    """Tells the service manager (NOTIFY_SOCKET), if any, that this process works."""
 
     def __init__(self, environment: Mapping[str, str] = os.environ) -> None:
         address = environment.get("NOTIFY_SOCKET", "")
@@ -73,7 +66,6 @@ class Systemd:
         self._due = Cadence(NOTIFY_PERIOD_S)
 
     def ready(self) -> None:
-        """Report that the process has started."""
         self._send(b"READY=1")
 
     def alive(self) -> None:

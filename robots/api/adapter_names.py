@@ -7,8 +7,8 @@ each the module that has `create(profile_name, options)`:
     [project.entry-points."telepresence.adapters"]
     acme = "telepresence_acme.adapter"
 
-Nothing is imported to list the names, so that the server can list them too. What is installed there
-says nothing of the robot's own computer, where the agent runs.
+Listing the names imports no adapter, so that the server can do it, too. The agent runs on the
+robot's own computer, where other adapters may be installed than on the server.
 
     https://packaging.python.org/en/latest/specifications/entry-points/
 """

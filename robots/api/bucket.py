@@ -1,13 +1,11 @@
-"""How much anybody may say: a token bucket, the same at both ends. Pure; `now` in monotonic
-seconds.
-"""
+"""A token bucket, which limits the rate of a sender. Pure; `now` in monotonic seconds."""
 
 from dataclasses import dataclass
 
 
 @dataclass
 class Bucket:
-    """Lets `rate` things a second through on average, and `burst` at once."""
+    """Allows `rate` messages a second on average, and `burst` at once."""
 
     rate: float
     burst: float
@@ -15,7 +13,7 @@ class Bucket:
     at: float = 0.0
 
     def spend(self, now: float) -> bool:
-        """Take one thing through; False when there have been too many."""
+        """Take a token for one message; False when none is left."""
         self.level = (
             self.burst
             if self.level < 0.0

@@ -1,4 +1,4 @@
-"""How much room is left for what a server or a robot writes: the same at both ends."""
+"""The free space on the disk of a server or a robot."""
 
 import shutil
 from pathlib import Path
@@ -14,23 +14,23 @@ class DiskSpace:
 
     Args:
         folder: any folder on it.
-        low_mb: free megabytes (MiB) below which somebody is told.
+        low_mb: free megabytes (MiB) below which the state is `low`.
     """
 
     def __init__(self, folder: Path, low_mb: float) -> None:
         self._folder, self._low = folder, low_mb * MIB
 
     def free(self) -> int:
-        """Return the bytes that are free for whoever asks; a disk that is gone has none."""
+        """Return the bytes that this process can still write; 0 for a disk that is unavailable."""
         try:
             return shutil.disk_usage(self._folder).free
         except OSError:
             return 0
 
     def state(self) -> DiskState:
-        """Return in a word how much is left."""
+        """Return the state of the disk now."""
         return self.word(self.free())
 
     def word(self, free: int) -> DiskState:
-        """Return in a word what `free` bytes are."""
+        """Return the state of a disk with `free` bytes left."""
         return "full" if free < FULL_MB * MIB else "low" if free < self._low else "ok"

@@ -1,10 +1,10 @@
 """When a robot is docked: one rule for the agent, for docking by itself, and for the task of a
 study.
 
-The charging contacts meet, or the robot charges, while it stands still and nobody drives it, for
-`seconds` without a break. A robot that slides along its station makes contact and loses it again;
-only one that stays there after its visitor has let go is docked. It is docked until the contacts
-have been apart for `release` seconds: contacts sit on springs and bounce.
+The charging contacts meet, or the robot charges, while it is at rest and receives no velocity other
+than zero, for `seconds` without a break. A robot that slides along its station makes contact and
+loses it again; it is docked only if it stays after its driver has released the controls. It is
+docked until the contacts have been apart for `release` seconds: contacts sit on springs and bounce.
 
 Pure: readings come in, one at a time and in order, and a frozen state goes out.
 """
@@ -16,9 +16,9 @@ from dataclasses import dataclass
 class DockedRule:
     """What counts as docked.
 
-    `seconds` is for how long everything must hold; `linear` (m/s) and `angular` (rad/s) are the
-    most that counts as standing still; `release` is for how long (s) the contacts must be apart;
-    across more than `gap` seconds without a reading nothing is continuous.
+    `seconds` is for how long all conditions must be met; `linear` (m/s) and `angular` (rad/s) are
+    the greatest speeds that count as rest; `release` is for how long (s) the contacts must be
+    apart; a gap of more than `gap` seconds between two readings restarts `seconds`.
     """
 
     seconds: float = 2.0
@@ -34,7 +34,7 @@ ROUNDING = 1e-6  # seconds that a sum of periods may miss
 
 @dataclass(frozen=True, kw_only=True)
 class DockReading:
-    """One moment: seconds, m/s, rad/s. `released` tells that no velocity but zero is asked of the
+    """One moment: seconds, m/s, rad/s. `released`: no velocity other than zero is sent to the
     wheels.
     """
 

@@ -1,4 +1,4 @@
-"""What can be wrong with bytes that claim to be a message."""
+"""The refusal of a malformed, oversized or misdirected message."""
 
 from typing import Literal
 
@@ -8,13 +8,11 @@ RejectionReason = Literal[
 
 
 class Rejection(ValueError):
-    """A message that was refused before anybody acted on it.
+    """A message that was refused before it had any effect.
 
     Args:
-        reason: one of `oversized`, `malformed`, `unknown_topic`, `wrong_direction`,
-            `not_from_server`; the key under which it is counted.
-        detail: what exactly was wrong, for the log; never shown to a visitor and never the payload
-            itself.
+        reason: under which it is counted.
+        detail: for the log; never shown to a visitor, and never the payload itself.
     """
 
     def __init__(self, reason: RejectionReason, detail: str = "") -> None:

@@ -1,14 +1,14 @@
-"""A site as data: plan.json, which stands beside the map_server image of the same place.
+"""A site as data: plan.json, in the folder of the map_server image of the same place.
 
 The simulator builds its walls, rooms and pictures from it; the server and the page's map take
 names, doors, docks, checkpoints and places. Metres and radians in the frame of the map. On the wire
 it is camelCase JSON, like every other message.
 
-Titles are in one language, English in the sites that we ship; `translations` says them in others,
-and `in_language` puts them in their place. Robots are not told: they go by names.
+Titles are in one language, English in the sites that we ship; `translations` has them in others,
+and `in_language` applies these. Robots do not get the translations: they use names, not titles.
 
-Two layers of checks: msgspec refuses what is malformed, `problems()` what is well-formed and cannot
-be a place.
+Two layers of checks: msgspec refuses a malformed plan, `problems()` lists why a well-formed one
+cannot be a place.
 """
 
 import math
@@ -53,7 +53,7 @@ ON_WALL = 0.02  # a decoration or mirror may lie this far off the face of its wa
 
 
 class FloorPlanError(ValueError):
-    """A plan that cannot be used; `problems` says, one sentence each, what is wrong and where."""
+    """A plan that cannot be used; `problems` has one sentence for each error and its place."""
 
     def __init__(self, problems: tuple[str, ...]) -> None:
         super().__init__("; ".join(problems))
@@ -68,17 +68,9 @@ class PlanPart(
     omit_defaults=True,
     forbid_unknown_fields=True,
 ):
-    """Base of everything in a plan. Unknown fields are refused: in a file made by hand they are
-    slips of the pen.
+    """Base of everything in a plan. Unknown fields are refused: in a file written by hand they are
+    typing errors.
     """
-
-
-class Placed(PlanPart, frozen=True, kw_only=True):
-    """A pose of the map."""
-
-    x: Metres
-    y: Metres
-    theta: Radians = 0.0
 
 
 class Room(PlanPart, frozen=True, kw_only=True):
@@ -167,7 +159,7 @@ class Mirror(PlanPart, frozen=True, kw_only=True):
 
 
 class Furniture(PlanPart, frozen=True, kw_only=True):
-    """A thing that stands on the floor.
+    """A piece of furniture on the floor.
 
     A box is `width` along its own x and `depth` along its y, its front looks to -y; a cylinder is
     `width` across.
@@ -186,8 +178,8 @@ class Furniture(PlanPart, frozen=True, kw_only=True):
 
 
 class Rug(PlanPart, frozen=True, kw_only=True):
-    """Something flat on the floor that nobody bumps into: `width` along its own x, `depth` along
-    its y.
+    """Something flat on the floor that is no obstacle: `width` along its own x, `depth` along its
+    y.
     """
 
     x: Metres
@@ -223,9 +215,12 @@ class ChargingDock(PlanPart, frozen=True, kw_only=True):
     station: Station
 
 
-class Place(Placed, frozen=True, kw_only=True):
+class Place(PlanPart, frozen=True, kw_only=True):
     """A named place to drive to."""
 
+    x: Metres
+    y: Metres
+    theta: Radians = 0.0
     name: Key
     title: Name
 
@@ -327,14 +322,18 @@ def encode(plan: FloorPlan) -> bytes:
 
 def in_language(plan: Mapping[str, Any], language: str) -> dict[str, Any]:
     """Return a plan, as JSON has it, with its titles in a language, or as they are where there is
-    no translation, and without the translations. `es-mx` is content with `es`.
+    no translation, and without the translations.
     """
-    offered = plan.get("translations", {})
-    language = language.lower()
-    words = offered.get(language) or offered.get(language.partition("-")[0]) or {}
+    words = translation(plan.get("translations", {}), language)
     return {
         name: _translated(value, words) for name, value in plan.items() if name != "translations"
     } | ({"title": words.get(plan["title"], plan["title"])} if "title" in plan else {})
+
+
+def translation(offered: Mapping[str, Mapping[str, str]], language: str) -> Mapping[str, str]:
+    """Return the words that are offered in a language, such as `es-mx`, or else in `es`."""
+    language = language.lower()
+    return offered.get(language) or offered.get(language.partition("-")[0]) or {}
 
 
 def _translated(value: Any, words: Mapping[str, str]) -> Any:
@@ -362,7 +361,7 @@ def contains(polygon: tuple[Point, ...], x: float, y: float) -> bool:
 
 
 def problems(plan: FloorPlan) -> tuple[str, ...]:
-    """Return what is wrong with a well-formed plan, one sentence each; empty when nothing is."""
+    """Return a sentence for each error of a well-formed plan; empty when there is none."""
     return (
         *_double_names(plan),
         *_flat(plan),
@@ -395,19 +394,19 @@ def _flat(plan: FloorPlan) -> Iterator[str]:
         if abs(_area(room.polygon)) < MINIMUM_ROOM:
             yield f"room {room.name!r} has no area"
     for number, wall in enumerate(plan.walls):
-        if _length(wall.start, wall.end) < MINIMUM_LENGTH:
+        if math.dist(wall.start, wall.end) < MINIMUM_LENGTH:
             yield f"wall {number} has no length"
 
 
 def _too_high_or_narrow(plan: FloorPlan) -> Iterator[str]:
     for opening in plan.openings:
-        if _length(opening.start, opening.end) < MINIMUM_DOOR:
+        if math.dist(opening.start, opening.end) < MINIMUM_DOOR:
             yield f"{opening.name!r} is narrower than {MINIMUM_DOOR} m"
         if not 0.0 < opening.height <= plan.ceiling:
             yield f"{opening.name!r} is {opening.height} m high, the ceiling is at {plan.ceiling} m"
     for mirror in plan.mirrors:
         if (
-            _length(mirror.start, mirror.end) < MINIMUM_LENGTH
+            math.dist(mirror.start, mirror.end) < MINIMUM_LENGTH
             or not mirror.bottom < mirror.top <= plan.ceiling
         ):
             yield f"mirror {mirror.name!r} has no surface below the ceiling"
@@ -430,11 +429,14 @@ def _unknown_rooms(plan: FloorPlan) -> Iterator[str]:
 
 
 def _outside(plan: FloorPlan) -> Iterator[str]:
-    stand = [(f"dock {d.name!r}", d.x, d.y) for d in plan.docks] + [
-        (f"furniture {f.name!r}", f.x, f.y) for f in plan.furniture
-    ]
-    stand += [(f"place {p.name!r}", p.x, p.y) for p in plan.places] + [
-        (f"start {s.name!r}", s.x, s.y) for s in plan.starts
+    kinds: dict[str, tuple[ChargingDock | Furniture | Place, ...]] = {
+        "dock": plan.docks,
+        "furniture": plan.furniture,
+        "place": plan.places,
+        "start": plan.starts,
+    }
+    stand = [
+        (f"{kind} {one.name!r}", one.x, one.y) for kind, parts in kinds.items() for one in parts
     ]
     stand += [
         (f"checkpoint {c.number} of {r.type!r}", c.x, c.y)
@@ -480,7 +482,7 @@ def _stray_translations(plan: FloorPlan) -> Iterator[str]:
 
 
 def _on_face(wall: Wall, x: float, y: float) -> bool:
-    length = _length(wall.start, wall.end)
+    length = math.dist(wall.start, wall.end)
     if length < MINIMUM_LENGTH:
         return False
     along = ((wall.end[0] - wall.start[0]) / length, (wall.end[1] - wall.start[1]) / length)
@@ -489,10 +491,6 @@ def _on_face(wall: Wall, x: float, y: float) -> bool:
     return (
         -ON_WALL <= position <= length + ON_WALL and abs(offset - wall.thickness / 2.0) <= ON_WALL
     )
-
-
-def _length(start: Point, end: Point) -> float:
-    return math.dist(start, end)
 
 
 def _area(polygon: tuple[Point, ...]) -> float:

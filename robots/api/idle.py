@@ -1,18 +1,18 @@
-"""How often a robot that nobody needs speaks, and how both sides know that somebody does.
+"""How often an idle robot sends, and how both sides determine that a robot is idle.
 
-Somebody needs a robot while there is a lease, while a page is connected to it, and for
-INTEREST_SECONDS after anything that somebody has sent it, of which `command/heartbeat` is the usual
-one: servers send it for every page that is open at the robot. Otherwise the robot is idle. What
-counts as a change is in `is_news`, for agents in any language.
+A robot is needed while it has a lease, while a page is connected to it, and for INTEREST_SECONDS
+after each message to it, usually `command/heartbeat`: servers send this for every page that is open
+at the robot. Otherwise the robot is idle. `is_news` defines which changes it reports at once; the
+reference of the Robot API has the same for agents in other languages.
 """
 
 import math
 
 from robots.api.messages import Pose, State
 
-IDLE_STATE_SECONDS = 30.0  # between two states of an idle robot of which nothing changes
-# without a word for so long, a robot whose will never came is away: one state may be lost or late
-HEARD_SECONDS = 45.0
+IDLE_STATE_SECONDS = 30.0  # between two states of an idle robot without a change
+# after so long without a message, a robot without a last will is offline; one state may be lost
+ONLINE_SECONDS = 45.0
 INTEREST_SECONDS = 5.0  # for which one heartbeat keeps a robot at its full rate
 INTEREST_PERIOD_SECONDS = 1.0  # between two heartbeats of a web process with a page at the robot
 WATCHER = "watcher"  # the peer of these heartbeats, which no robot echoes

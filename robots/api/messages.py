@@ -313,7 +313,9 @@ class Factsheet(Message, frozen=True, kw_only=True):
     """`factsheet`: retained; what this robot is and can do. `watchdog` is what stops its base when
     the agent is dead. `navigation_control` states what stops the robot's own navigation then:
     `agent` (its velocities pass through the agent), `guarded` (a process on its side) or
-    `unguarded` (nothing); empty when the robot does not move by itself.
+    `unguarded` (nothing); empty when the robot does not move by itself. `adapter` names the agent's
+    adapter to the RCA, and `driver` the software of the base, both with their versions; empty when
+    unknown.
     """
 
     name: Id
@@ -331,6 +333,8 @@ class Factsheet(Message, frozen=True, kw_only=True):
     watchdog: Positive
     viewers: Annotated[int, Meta(ge=0, le=64)] = 8
     navigation_control: Name = ""
+    adapter: Name = ""
+    driver: Name = ""
 
 
 class State(Message, frozen=True, kw_only=True):
@@ -345,8 +349,8 @@ class State(Message, frozen=True, kw_only=True):
     assistance changes what the driver requests, `assist_why` gives the reason in one word, and
     `assist_point` the obstacle, in metres in the robot's frame. `call` is the status of the
     visitor's sound and video at the robot, absent when the visitor sends neither; `screens` is the
-    number of pages that show them. `knockable`: somebody may hear a `knock` now, at a display or
-    from the robot's own loudspeaker; `knock` is the newest one of this session, for a minute.
+    number of pages that show them. `knockable`: a `knock` can ring now, at a display or at the
+    robot's own loudspeaker; `knock` is the newest one of this session, for a minute.
     `control_network` and `video_network` are present while the robot impairs the driver's network,
     as `config` requests. `camera_status` is present while the camera is needed but delivers no
     video, or delivered none when it was last needed; `errors` has the reason, too.
@@ -580,15 +584,15 @@ class Lease(Message, frozen=True, kw_only=True):
     permits driving. `methods`, `ways` and `actions` are the only input methods, control channels
     and types of actions that the driver may use (otherwise: `not_allowed`); absent means all.
     `stop`, `estop` and `cancel` are always allowed. Lower limits apply at once, even if the lease
-    was not renewed. Somebody without a chosen name is `(visitor)` or `(participant)` in `who`, here
-    and in other messages: say it in the language of each reader.
+    was not renewed. In `who` of all messages, a visitor without a chosen name is `(visitor)` or
+    `(participant)`: translate it into the language of each reader.
 
     A lease of `kind` `wizard` belongs to a session whose visitor does not drive: only the page
-    `wizard` does, with `wizard_epoch` in its commands, and nobody while `wizard` is absent. The
+    `wizard` does, with `wizard_epoch` in its commands, and no page while `wizard` is absent. The
     visitor's page, `peer`, sends photos, texts, calls and knocks with the role `visitor`.
 
-    `private`: the server shows this drive to the visitor, to who operates the robot, and to whom
-    the terms of the session name, and to nobody else. A robot need not know it.
+    `private`: the server shows this drive only to the visitor, the operators of the robot, and the
+    people whom the terms of the session name. A robot can ignore it.
     """
 
     session: Id
@@ -611,7 +615,7 @@ class Lease(Message, frozen=True, kw_only=True):
 
     @property
     def driver(self) -> str | None:
-        """The peer of the only page that may drive; None while nobody may."""
+        """The peer of the only page that may drive; None while no page may."""
         return self.peer if self.kind == "visitor" else self.wizard
 
     @property
@@ -790,7 +794,7 @@ class Call(Action, frozen=True, kw_only=True, tag_field="type", tag="call"):
 
 
 class AnswerCall(Action, frozen=True, kw_only=True, tag_field="type", tag="answer_call"):
-    """Somebody at the robot's screen accepts or declines the visitor's call; only from role
+    """A person at the robot's screen accepts or declines the visitor's call; only from role
     `screen`.
 
     `knock` is the id of a knock that is answered instead of a call. Accepting it also accepts the
@@ -803,11 +807,10 @@ class AnswerCall(Action, frozen=True, kw_only=True, tag_field="type", tag="answe
 
 
 class Knock(Action, frozen=True, kw_only=True, tag_field="type", tag="knock"):
-    """Ring at the robot, so that somebody there comes to its screen; `knock` of `state` has the
-    status.
+    """Ring at the robot, to call a person there to its screen; `knock` of `state` has the status.
 
-    Accepted at most once every 10 s (`too_soon`), only while somebody may hear it (`nobody_there`),
-    and not after somebody has declined in this session (`declined`).
+    Accepted at most once every 10 s (`too_soon`), only while it can ring (`nobody_there`), and not
+    after a person there has declined in this session (`declined`).
     """
 
 
@@ -845,7 +848,7 @@ UNCONDITIONAL: tuple[type[Action], ...] = (Stop, EStop)
 
 
 class Config(Message, frozen=True, kw_only=True):
-    """`config`: retained; the settings of the server for the robot. `calls`: whether somebody at
+    """`config`: retained; the settings of the server for the robot. `calls`: whether a person at
     the robot's screen must accept a visitor's calls.
 
     `control_network` impairs the driver's velocities and actions on their path to the wheels,

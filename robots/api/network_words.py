@@ -1,8 +1,8 @@
-"""What makes a network worse, in the words of a command line and of tables:
+"""Network impairments as text, for command lines and tables:
 `delay=150,jitter=30,loss=2,reorder=1,rate=400`.
 
-Milliseconds, percent and kbit/s, because networks are talked about in these; messages and studies
-have SI units and shares.
+In milliseconds, percent and kbit/s, which are usual for networks; messages and studies have SI
+units and shares.
 """
 
 import math
@@ -24,7 +24,7 @@ EXAMPLE = "delay=150,jitter=30,loss=2"
 
 
 class Impairing(Protocol):
-    """What can be put into words: `NetworkLab`, and what a study's condition says."""
+    """Impairments: a `NetworkLab`, or those of a study's condition."""
 
     @property
     def delay(self) -> float:
@@ -48,10 +48,10 @@ class Impairing(Protocol):
 
 
 def parse(text: str, seed: int = 0) -> NetworkLab:
-    """Return what the words say.
+    """Return the impairments that the words describe.
 
     Raises:
-        ValueError: they say nothing that can be done; one sentence.
+        ValueError: they are not valid; the message is one sentence.
     """
     values: dict[str, float] = {}
     for part in text.split(","):
@@ -79,7 +79,7 @@ def parse(text: str, seed: int = 0) -> NetworkLab:
 
 
 def spell(network: Impairing | None) -> str:
-    """Return what makes a network worse in words, without what does not; empty for a clean one."""
+    """Return the impairments of a network as text, without those that are zero."""
     if network is None:
         return ""
     values = {

@@ -12,8 +12,8 @@ OWNER_ALONE = 0o600
 
 @contextlib.contextmanager
 def draft_of(path: Path, *, mode: int = OWNER_ALONE, replace: bool = True) -> Iterator[BinaryIO]:
-    """Give a file to write, which is at `path` afterwards: whoever reads there, also after a power
-    failure, finds all of it or what was there before.
+    """Give a file to write, which is at `path` afterwards: a reader, also after a power failure,
+    finds either the complete file or the previous one.
 
     Raises:
         FileExistsError: something is there and is not to be replaced.

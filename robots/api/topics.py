@@ -4,6 +4,7 @@ sockets and data channels.
 
 import re
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Literal
 
 from robots.api import messages as m
@@ -11,7 +12,7 @@ from robots.api import messages as m
 ROOT = "telepresence/v1"
 SERVER = f"{ROOT}/server"
 MANAGER_STATUS = f"{SERVER}/manager"
-PROBE = f"{SERVER}/probe"  # nobody listens: a web process asks the broker for its acknowledgement
+PROBE = f"{SERVER}/probe"  # without subscribers: a web process tests that the broker acknowledges
 Direction = Literal["from_robot", "to_robot"]
 KIB = 1024
 
@@ -24,181 +25,115 @@ _WORD = r"[A-Za-z0-9_-]{1,64}"
 class Topic:
     """One line of the topic table: what travels where, how, and how large it may be (bytes)."""
 
-    suffix: str
     direction: Direction
+    suffix: str
     content: Any
-    qos: int
-    retained: bool
     limit: int
     doc: str
+    qos: int = 0
+    retained: bool = False
 
     def matches(self, suffix: str) -> bool:
         """Tell whether a concrete suffix, such as `signal/p1/reply`, belongs to this line."""
         return re.fullmatch(self.suffix.replace("+", _WORD), suffix) is not None
 
 
+_from_robot, _to_robot = partial(Topic, "from_robot"), partial(Topic, "to_robot")
 TABLE: tuple[Topic, ...] = (
-    Topic(
-        "connection",
-        "from_robot",
-        m.Connection,
-        1,
-        True,
-        KIB,
-        "presence, and the agent's last will",
+    _from_robot(
+        "connection", m.Connection, KIB, "presence, and the agent's last will", qos=1, retained=True
     ),
-    Topic(
-        "factsheet", "from_robot", m.Factsheet, 1, True, 16 * KIB, "what the robot is and can do"
+    _from_robot(
+        "factsheet", m.Factsheet, 16 * KIB, "what the robot is and can do", qos=1, retained=True
     ),
-    Topic("state", "from_robot", m.State, 1, False, 32 * KIB, "the record, 4 Hz"),
-    Topic(
+    _from_robot("state", m.State, 32 * KIB, "the record, 4 Hz", qos=1),
+    _from_robot(
         "pose",
-        "from_robot",
         m.PoseUpdate,
-        0,
-        False,
         KIB,
         "pose for the page, at most 15 Hz while driven and 30 Hz while the head tilts",
     ),
-    Topic("scan", "from_robot", m.Scan, 0, False, 32 * KIB, "laser ranges"),
-    Topic("path", "from_robot", m.Path, 0, False, 64 * KIB, "the path being followed"),
-    Topic("event", "from_robot", m.Event, 1, False, 4 * KIB, "what happened once"),
-    Topic("action", "from_robot", m.ActionStatus, 1, False, 4 * KIB, "the progress of an action"),
-    Topic(
-        "words",
-        "from_robot",
-        m.Words,
-        1,
-        False,
-        4 * KIB,
-        "messages between the visitor and the people at the robot",
+    _from_robot("scan", m.Scan, 32 * KIB, "laser ranges"),
+    _from_robot("path", m.Path, 64 * KIB, "the path being followed"),
+    _from_robot("event", m.Event, 4 * KIB, "what happened once", qos=1),
+    _from_robot("action", m.ActionStatus, 4 * KIB, "the progress of an action", qos=1),
+    _from_robot(
+        "words", m.Words, 4 * KIB, "messages between the visitor and the people at the robot", qos=1
     ),
-    Topic(
+    _from_robot(
         "receipt",
-        "from_robot",
         m.Receipt,
-        1,
-        False,
         KIB,
         "what happened to the driver's words at the robot, for the driver",
+        qos=1,
     ),
-    Topic(
+    _from_robot(
         "pointer",
-        "from_robot",
         m.Pointer,
-        0,
-        False,
         KIB,
         "where one side points on the screen that the driver shares, for the other",
     ),
-    Topic(
-        "heartbeat",
-        "from_robot",
-        m.Heartbeat,
-        0,
-        False,
-        4 * KIB,
-        "5 Hz, with the echo of each peer",
-    ),
-    Topic(
-        "signal/+/reply",
-        "from_robot",
-        m.SignalReply,
-        1,
-        False,
-        128 * KIB,
-        "WebRTC answer, candidate, bye",
-    ),
-    Topic("photo/+", "from_robot", bytes, 1, False, 512 * KIB, "a JPEG"),
-    Topic(
+    _from_robot("heartbeat", m.Heartbeat, 4 * KIB, "5 Hz, with the echo of each peer"),
+    _from_robot("signal/+/reply", m.SignalReply, 128 * KIB, "WebRTC answer, candidate, bye", qos=1),
+    _from_robot("photo/+", bytes, 512 * KIB, "a JPEG", qos=1),
+    _from_robot(
         "picture",
-        "from_robot",
         bytes,
-        0,
-        False,
         48 * KIB,
         "capture stamp (8 bytes, float64, big-endian) and a JPEG; at most one a request",
     ),
-    Topic(
+    _from_robot(
         "picture/+",
-        "from_robot",
         bytes,
-        0,
-        False,
         48 * KIB,
         "the same, for the page of one peer alone: while a network lab impairs its driver",
     ),
-    Topic("lease", "to_robot", m.Lease, 1, True, 4 * KIB, "who drives; empty means nobody"),
-    Topic(
+    _to_robot("lease", m.Lease, 4 * KIB, "who drives; empty means nobody", qos=1, retained=True),
+    _to_robot(
         "config",
-        "to_robot",
         m.Config,
-        1,
-        True,
         8 * KIB,
         "assist level, network lab, simulator's doors",
+        qos=1,
+        retained=True,
     ),
-    Topic("floorplan", "to_robot", m.FloorPlanUpdate, 1, True, 1024 * KIB, "the map"),
-    Topic(
-        "command/velocity",
-        "to_robot",
-        m.VelocityCommand,
-        0,
-        False,
-        KIB,
-        "10 to 20 Hz while driving",
-    ),
-    Topic(
+    _to_robot("floorplan", m.FloorPlanUpdate, 1024 * KIB, "the map", qos=1, retained=True),
+    _to_robot("command/velocity", m.VelocityCommand, KIB, "10 to 20 Hz while driving"),
+    _to_robot(
         "command/heartbeat",
-        "to_robot",
         m.CommandHeartbeat,
-        0,
-        False,
         KIB,
         "5 Hz from the driver's page and from the server",
     ),
-    Topic(
+    _to_robot(
         "command/action",
-        "to_robot",
         m.AnyAction,
-        1,
-        False,
         64 * KIB,
         "everything else that a robot can be asked to do",
+        qos=1,
     ),
-    Topic(
+    _to_robot(
         "command/picture",
-        "to_robot",
         m.PictureRequest,
-        0,
-        False,
         KIB,
         "one more JPEG frame, for a page that WebRTC does not reach",
     ),
-    Topic(
-        "command/point",
-        "to_robot",
-        m.PointCommand,
-        0,
-        False,
-        KIB,
-        "where a hand is on the screen that the driver shares",
+    _to_robot(
+        "command/point", m.PointCommand, KIB, "where a hand is on the screen that the driver shares"
     ),
-    Topic(
+    _to_robot(
         "signal/+",
-        "to_robot",
         m.Signal,
-        1,
-        False,
         128 * KIB,
         "WebRTC offer, candidate, bye, and the server's confirmation that a page may stay",
+        qos=1,
     ),
 )
 
 # On the data channel a frame is the suffix, a newline, and the message. These travel there besides
 # the broker's own.
 DATA_CHANNEL_ONLY: tuple[Topic, ...] = (
-    Topic("media", "from_robot", m.MediaClock, 0, False, KIB, "RTP timestamp to capture stamp"),
+    _from_robot("media", m.MediaClock, KIB, "RTP timestamp to capture stamp"),
 )
 FROM_PAGE = (
     "command/velocity",

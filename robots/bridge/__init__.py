@@ -1,3 +1,1 @@
-"""What a web process knows of its robots, and how it reaches the broker; robots/bridge/bridge.py
-puts it together.
-"""
+"""The web process's connection to the broker, and what it knows of robots; bridge.py joins them."""

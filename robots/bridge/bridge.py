@@ -1,19 +1,18 @@
-"""The web process's one connection to the broker, and the fan-out of what arrives to whoever
-listens.
+"""The web process's one connection to the broker, which delivers messages to listeners.
 
-A robot that nobody needs is nearly silent (robots/api/idle.py). While a page is open at one, this
-process tells it so, once a second and at once for the first page.
+A robot without pages is nearly silent (robots/api/idle.py). While a page of a robot is open, this
+process sends the robot a heartbeat once a second, the first one at once.
 
-Everything runs on the loop that first asked for `current()`; daphne tells nobody when it starts, so
-the first page does. A robot's topics are subscribed while somebody in this process listens to that
-robot: a message costs about a quarter of a millisecond of CPU whether or not anybody wants it, and
-a robot sends some thirty a second, so that a hundred idle robots would fill most of a core.
+Everything runs on the loop that first called `current()`: the first page, because daphne does not
+report its start. A robot's topics are subscribed while it has a listener in this process: a message
+takes about 0.25 ms of CPU even without one, and a robot sends some thirty a second, so that a
+hundred idle robots would fill most of a core.
 
-Nothing is queued for a broker that is away: a command that arrives late is worse than one that does
-not arrive. `send` says False and its caller tells the page. Two kinds of message are kept: a stop,
-for 3 s at most, because it is right at any age, and reports for the record.
+No message is queued while the broker is away: a late command is worse than a lost one. `send`
+returns False, and its caller informs the page. Two kinds of message are kept, within bounds: a
+stop, for 3 s at most, because it is right at any age, and reports for the record.
 
-Longer than most files here, because connecting, listening and speaking share the one connection.
+Longer than most files, because connecting, listening and publishing share the one connection.
 """
 
 import asyncio
@@ -40,7 +39,6 @@ from robots.api.messages import Action, CommandHeartbeat, Lease, Message
 from robots.bridge import broker_address
 from robots.bridge.delivery import LINK, Delivery, Listener, ReceivedMessage
 from robots.bridge.failover import Failover, parse_nodes
-from robots.bridge.inbox import Inbox
 from robots.bridge.known import KnownRobot
 from robots.bridge.quick_reading import read_quickly
 from robots.bridge.quick_writing import QuickWriter, writer_of
@@ -68,18 +66,18 @@ LISTENED = (
     "lease",
     "signal/+/reply",
 )
-# At QoS 1 for the record, which the session manager keeps; here the next one comes in a quarter of
-# a second, and an acknowledgement costs nearly as much as a message.
-SHOWN = frozenset({"state"})
+# The session manager records states at QoS 1. Here QoS 0 is enough: the next state follows within
+# 0.25 s, and an acknowledgement takes nearly as much CPU as a message.
+AT_QOS_0 = frozenset({"state"})
 STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
-MAX_FLYING = 500
+MAX_IN_FLIGHT = 500
 WATCH_SECONDS = 0.2
 SUBSCRIBE_AGAIN_SECONDS = 1.0
-# bytes read at a time, some ten messages: between two pieces pages are sent what there is
+# Bytes read at a time, some ten messages: between two pieces, frames are sent to pages.
 PIECE = 4096
-# kept, and on their way at once: what has gathered must not be in the way of a stop
-MAX_REPORTS, REPORTS_FLYING = 2000, 100
-# From a message of ours to its handing over, at QoS 1 to the broker's word that it has it.
+# Queued, and in flight: a queue of reports must not delay a stop.
+MAX_REPORTS, REPORTS_IN_FLIGHT = 2000, 100
+# From the publishing of a message to its writing, at QoS 1 to the broker's acknowledgement.
 BUCKETS = (0.001, 0.0025, 0.005, 0.01, 0.025, 0.05, 0.1, 0.25, 1.0)
 SEND_SECONDS = Histogram(
     "telepresence_relay_to_robot_seconds",
@@ -90,9 +88,7 @@ SEND_SECONDS = Histogram(
 
 @dataclass(frozen=True)
 class _Stop:
-    """A stop that the broker has not confirmed, and until when it is worth repeating (monotonic
-    seconds).
-    """
+    """A stop that the broker has not confirmed, repeated until `deadline` (monotonic seconds)."""
 
     topic: str
     payload: bytes
@@ -100,11 +96,10 @@ class _Stop:
 
 
 class Bridge:
-    """One MQTT connection that comes back for ever, and what it brings. All methods are called on
-    its loop.
+    """One MQTT connection that reconnects for ever. All methods are called on its loop.
 
     Args:
-        url: the broker's, see robots/bridge/broker_address.py; of several nodes, comma-separated.
+        url: the broker's (robots/bridge/broker_address.py); several nodes are comma-separated.
         credentials: (user, password) unless the URL names them.
         rng: spreads reconnections; seeded in tests.
     """
@@ -117,17 +112,17 @@ class Bridge:
         self.unfollow = self._delivery.unfollow
         self._client: aiomqtt.Client | None = None
         self._writer: QuickWriter | None = None
-        self._flying: set[asyncio.Task[Any]] = set()
-        # of these, whose packet is not yet with the client
-        self._unsaid: set[asyncio.Task[Any]] = set()
-        self._stops: collections.deque[_Stop] = collections.deque(maxlen=MAX_FLYING)
+        self._in_flight: set[asyncio.Task[Any]] = set()
+        # those of them whose packet the client does not have yet
+        self._not_started: set[asyncio.Task[Any]] = set()
+        self._stops: collections.deque[_Stop] = collections.deque(maxlen=MAX_IN_FLIGHT)
         self._reports: collections.deque[tuple[str, bytes]] = collections.deque()
         self.counts: collections.Counter[str] = collections.Counter()
         self._loop = asyncio.get_running_loop()
         self._up = asyncio.Event()
         self._closed = False
-        # In a context of its own: that of the request which came first ends with it, and would be
-        # inherited by all that is heard.
+        # In contexts of their own: the context of the first request ends with it, and would be
+        # inherited by the handling of all messages.
         self._task = self._loop.create_task(self._run(), context=contextvars.Context())
         self._watching = self._loop.create_task(self._watch(), context=contextvars.Context())
 
@@ -135,11 +130,11 @@ class Bridge:
 
     @property
     def connected(self) -> bool:
-        """Tell whether the broker is there and knows our subscriptions."""
+        """Tell whether the broker is connected and has our subscriptions."""
         return self._up.is_set() and not (self._task.done() or self._watching.done())
 
     async def wait_connected(self, seconds: float) -> bool:
-        """Wait until the broker is there, at most `seconds`."""
+        """Wait until the broker is connected, at most `seconds`."""
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(seconds):
                 await self._up.wait()
@@ -150,7 +145,7 @@ class Bridge:
         return self._loop is loop and not self._closed
 
     async def close(self) -> None:
-        """Leave the broker and stop trying."""
+        """Disconnect for good."""
         self._closed = True
         await cancel(self._task, self._watching)
 
@@ -167,15 +162,15 @@ class Bridge:
             await asyncio.sleep(self._failover.ended(was_up=was_up))
 
     async def _watch(self) -> None:
-        """Report regularly to the listeners which parts of the server do their work."""
+        """Deliver the faults of the server to the listeners, regularly."""
         while True:
             await asyncio.sleep(WATCH_SECONDS)
             try:
-                self._look(time.monotonic())
-            except Exception:  # without this task no page learns of a fault
+                self._watch_once(time.monotonic())
+            except Exception:  # without this task no page would learn of a fault
                 log.exception("bridge_watch_failed")
 
-    def _look(self, now: float) -> None:
+    def _watch_once(self, now: float) -> None:
         if self._client is not None and self._delivery.watch.wants_probe(now):
             self._launch(functools.partial(self._probe, self._client))
         self._delivery.bring_faults(now)
@@ -187,20 +182,14 @@ class Bridge:
             self._delivery.watch.answered()
 
     async def _serve(self) -> None:
-        """Connect, subscribe to everything that is listened to, and stay until the broker is gone.
+        """Connect, subscribe for all listeners, and stay until the connection ends.
 
         Raises:
-            MqttError: it is gone, or was never there, or refuses us.
+            MqttError: it was lost, refused or never established.
         """
-        inbox = functools.partial(Inbox, self._receive)
-        async with broker_address.client(
-            self._failover.node,
-            self._credentials,
-            f"web-{secrets.token_hex(8)}",
-            inbox,
-            keepalive_seconds=self._failover.keepalive_seconds,
-        ) as client:
-            client.pending_calls_threshold = MAX_FLYING
+        identifier = f"web-{secrets.token_hex(8)}"
+        async with self._failover.client(self._credentials, identifier, self._receive) as client:
+            client.pending_calls_threshold = MAX_IN_FLIGHT
             read_quickly(client, chunk=PIECE)
             self._client, self._writer = client, writer_of(client)
             try:
@@ -211,10 +200,7 @@ class Bridge:
                 ]
                 broker_address.check_subscribed(await client.subscribe(wanted))
                 self._arrive()
-                async for _ in client.messages:
-                    # never reached: the inbox hands messages on by itself, and this waits for the
-                    # end of the connection
-                    pass
+                await broker_address.until_lost(client)
             finally:
                 self._depart()
 
@@ -225,7 +211,7 @@ class Bridge:
         stops = [stop for stop in self._stops if stop.deadline > time.monotonic()]
         self._stops.clear()
         for stop in stops:
-            self._fly_stop(stop)
+            self._publish_stop(stop)
         self._send_reports()
         self._delivery.beat_again()
         self._beat()
@@ -233,8 +219,8 @@ class Bridge:
 
     def _depart(self) -> None:
         self._client = self._writer = None
-        for flying in self._flying:
-            flying.cancel()
+        for task in self._in_flight:
+            task.cancel()
         self._delivery.lose_sight()
         self._delivery.watch.link_changed(time.monotonic(), up=False)
         if self._up.is_set():
@@ -262,8 +248,8 @@ class Bridge:
     # --- listening --------------------------------------------------------------------------------
 
     def listen(self, robot: str, listener: Listener, *, needs: bool = True) -> KnownRobot:
-        """Have a robot's messages brought to a listener; returns what is known of it, which goes on
-        being updated. For one that `needs` the robot, it speaks at its full rate.
+        """Deliver a robot's messages to a listener; returns the robot's KnownRobot, which stays up
+        to date. While a listener `needs` the robot, it sends at its full rate.
         """
         first = self._delivery.listen(robot, listener, time.monotonic(), needs=needs)
         if first and self._client is not None:
@@ -272,9 +258,7 @@ class Bridge:
         return self._delivery.known[robot]
 
     async def _subscribe(self, client: aiomqtt.Client, robot: str) -> None:
-        """Hear what a robot says: asked again while the broker refuses it, as a cluster does in the
-        seconds after one of its nodes was lost.
-        """
+        """Subscribe to a robot; retry while a cluster refuses after the loss of a node."""
         while client is self._client and robot in self._delivery.robots:
             try:
                 broker_address.check_subscribed(await client.subscribe(self._filters(robot)))
@@ -285,7 +269,7 @@ class Bridge:
                 return
 
     def _beat(self) -> None:
-        """Tell robots that are needed so, when it is due."""
+        """Send the heartbeats that are due to robots that are needed."""
         if not self.connected:
             return
         for robot, count in self._delivery.beats_due(time.monotonic()):
@@ -296,9 +280,7 @@ class Bridge:
             )
 
     def ignore(self, robot: str, listener: Listener) -> None:
-        """Stop bringing a robot's messages to a listener; the last one out ends
-        the subscription.
-        """
+        """Stop delivering a robot's messages to a listener; without listeners, unsubscribe."""
         if not self._delivery.ignore(robot, listener):
             return
         if self._client is not None:
@@ -311,22 +293,18 @@ class Bridge:
     def _filters(self, robot: str) -> list[tuple[str, int]]:
         return [(filter_, self._failover.qos(qos)) for filter_, qos in _filters(robot)]
 
-    # --- speaking ---------------------------------------------------------------------------------
+    # --- publishing -------------------------------------------------------------------------------
 
     def send(self, robot: str, suffix: str, message: Message) -> bool:
-        """Publish a message to a robot as the topic table says; False when the broker is away or
-        does not keep up.
-        """
+        """Publish a message to a robot; False when the broker is away or does not keep up."""
         line = topics.find(suffix)
         assert line is not None
         assert line.direction == "to_robot"
-        return self._fly(topics.of(robot, suffix), codec.encode(message), qos=line.qos)
+        return self._publish(topics.of(robot, suffix), codec.encode(message), qos=line.qos)
 
     def send_stop(self, robot: str, action: Action) -> None:
-        """Publish a stop or an e-stop; while the broker does not confirm it,
-        again for 3 s at most.
-        """
-        self._fly_stop(
+        """Publish a stop or an e-stop; until the broker confirms it, repeat it for 3 s at most."""
+        self._publish_stop(
             _Stop(
                 topics.of(robot, "command/action"),
                 codec.encode(action),
@@ -335,13 +313,13 @@ class Bridge:
         )
 
     def publish_lease(self, robot: str, lease: Lease | None) -> bool:
-        """Publish who drives (None: nobody) and act on it here at once.
+        """Publish a lease (None: no driver), and act on it here at once.
 
-        Not remembered for a restarted broker: whoever holds the session asks the database first,
-        which alone knows whether the lease still lives.
+        It is not repeated for a restarted broker: only the database knows whether the lease is
+        still valid, and the page of the session reads it there first.
         """
         self._delivery.note_lease(robot, lease, time.monotonic())
-        return self._fly(
+        return self._publish(
             topics.of(robot, "lease"),
             b"" if lease is None else codec.encode(lease),
             qos=1,
@@ -350,10 +328,10 @@ class Bridge:
 
     def publish_notice(self, session: str, frame: str) -> bool:
         """Publish a notice of a session for every web process and the session manager."""
-        return self._fly(topics.session_notices(session), frame.encode(), qos=1)
+        return self._publish(topics.session_notices(session), frame.encode(), qos=1)
 
     def report(self, topic: str, message: Message) -> None:
-        """Publish something for the record; kept, within bounds, while the broker is away."""
+        """Publish a report for the record; queued, within bounds, while the broker is away."""
         if len(self._reports) >= MAX_REPORTS:
             self._reports.popleft()
             self.counts["report_dropped"] += 1
@@ -365,7 +343,7 @@ class Bridge:
             self.connected
             and self._client is not None
             and self._reports
-            and len(self._flying) < REPORTS_FLYING
+            and len(self._in_flight) < REPORTS_IN_FLIGHT
         ):
             topic, payload = self._reports.popleft()
             back = functools.partial(self._reports.append, (topic, payload))
@@ -373,12 +351,12 @@ class Bridge:
                 functools.partial(self._client.publish, topic, payload, qos=1), failed=back
             )
 
-    def _fly(self, topic: str, payload: bytes, *, qos: int, retain: bool = False) -> bool:
-        if self._client is None or len(self._flying) >= MAX_FLYING:
+    def _publish(self, topic: str, payload: bytes, *, qos: int, retain: bool = False) -> bool:
+        if self._client is None or len(self._in_flight) >= MAX_IN_FLIGHT:
             self.counts["unsent"] += 1
             return False
-        # else it would overtake what was said before it
-        if qos == 0 and self._writer is not None and not self._unsaid:
+        # otherwise it would overtake earlier messages
+        if qos == 0 and self._writer is not None and not self._not_started:
             return self._write(self._writer, topic, payload)
         self._launch(
             functools.partial(self._client.publish, topic, payload, qos=qos, retain=retain)
@@ -393,7 +371,7 @@ class Bridge:
             SEND_SECONDS.observe(time.monotonic() - began)
         return written
 
-    def _fly_stop(self, stop: _Stop) -> None:
+    def _publish_stop(self, stop: _Stop) -> None:
         if self._client is None:
             self._stops.append(stop)
             return
@@ -404,7 +382,7 @@ class Bridge:
 
     def _stop_again(self, stop: _Stop) -> None:
         if self._client is not None and time.monotonic() + STOP_AGAIN_SECONDS < stop.deadline:
-            self._loop.call_later(STOP_AGAIN_SECONDS, self._fly_stop, stop)
+            self._loop.call_later(STOP_AGAIN_SECONDS, self._publish_stop, stop)
         else:
             self._stops.append(stop)
 
@@ -413,25 +391,25 @@ class Bridge:
         exchange: Callable[[], Coroutine[Any, Any, Any]],
         failed: Callable[[], None] | None = None,
     ) -> None:
-        """Run one exchange with the broker beside everything else; packets leave in the order of
-        the calls.
+        """Start an exchange with the broker; packets are sent in the order of the calls. `failed`
+        is called if it ends without the broker's confirmation.
         """
         task = self._loop.create_task(self._exchange(exchange))
-        self._flying.add(task)
-        self._unsaid.add(task)
-        task.add_done_callback(functools.partial(self._land, failed, time.monotonic()))
+        self._in_flight.add(task)
+        self._not_started.add(task)
+        task.add_done_callback(functools.partial(self._on_done, failed, time.monotonic()))
 
     async def _exchange(self, exchange: Callable[[], Coroutine[Any, Any, Any]]) -> None:
         task = asyncio.current_task()
         assert task is not None
-        self._unsaid.discard(task)  # the client takes the packet before it waits for anything
+        self._not_started.discard(task)  # the client takes the packet before its first wait
         await exchange()
 
-    def _land(
+    def _on_done(
         self, failed: Callable[[], None] | None, began: float, task: asyncio.Task[Any]
     ) -> None:
-        self._flying.discard(task)
-        self._unsaid.discard(task)
+        self._in_flight.discard(task)
+        self._not_started.discard(task)
         error = None if task.cancelled() else task.exception()
         if error is not None and not isinstance(error, aiomqtt.MqttError):
             raise error  # ours, and the loop logs it
@@ -449,7 +427,7 @@ class Bridge:
 def _filters(robot: str) -> tuple[tuple[str, int], ...]:
     lines = ((suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED)
     return tuple(
-        (topics.of(robot, suffix), 0 if suffix in SHOWN else line.qos)
+        (topics.of(robot, suffix), 0 if suffix in AT_QOS_0 else line.qos)
         for suffix, line in lines
         if line is not None
     )
@@ -463,7 +441,7 @@ class _Process:
 
 
 def current() -> Bridge:
-    """Return the bridge of this process, started on the running loop by whoever asks first."""
+    """Return the bridge of this process; the first call starts it on the running loop."""
     if _Process.bridge is None or not _Process.bridge.serves(asyncio.get_running_loop()):
         _Process.bridge = Bridge(settings.MQTT_URL, server_credentials("web"), random.Random())
     bridge: Bridge = _Process.bridge
@@ -471,5 +449,5 @@ def current() -> Bridge:
 
 
 def use(bridge: Any) -> None:
-    """Put a double in its place, or with None forget it (for tests)."""
+    """Replace the bridge by a double, or with None forget it (for tests)."""
     _Process.bridge = bridge

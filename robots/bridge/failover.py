@@ -1,16 +1,19 @@
-"""Which node of the broker to connect to, and how long to wait before: pure.
+"""The node of the broker to connect to, and the wait before.
 
-A broker of several nodes is one address each, all of them good. A client has one connection at a
-time: it keeps to its node while that answers, and goes on to the next when it is lost or does not
-let it in. Every node is tried once before the waits become longer.
+The nodes of a cluster have one address each, and all are equivalent. A client stays at its node
+while that answers, and tries the next one when the connection is lost or refused. Every node is
+tried once before the waits become longer.
 """
 
 import random
+from collections.abc import Callable
 
-from robots.bridge.broker_address import BrokerAddress, backoff, parse
+import aiomqtt
 
-# A node that stops answering is noticed after one and a half to two of these. Where there is no
-# other node, finding out sooner helps nobody, and a slow moment would end the connection.
+from robots.bridge.broker_address import BrokerAddress, backoff, client, parse
+
+# A node that stops answering is noticed after 1.5 to 2 of these. A single node has the longer one:
+# an earlier notice would be of no use, and a slow moment would end the connection.
 KEEPALIVE_SECONDS, KEEPALIVE_OF_NODES_SECONDS = 5, 2
 
 
@@ -28,7 +31,7 @@ class Failover:
 
     Args:
         nodes: at least one; the first is tried first.
-        rng: spreads the attempts of many clients.
+        rng: spreads the attempts of clients.
     """
 
     def __init__(self, nodes: tuple[BrokerAddress, ...], rng: random.Random) -> None:
@@ -38,7 +41,7 @@ class Failover:
 
     @property
     def node(self) -> BrokerAddress:
-        """Where to connect to now."""
+        """The node to connect to now."""
         return self._nodes[self._index]
 
     @property
@@ -48,21 +51,37 @@ class Failover:
 
     @property
     def keepalive_seconds(self) -> int:
-        """Return how often the node must show that it answers."""
+        """The keepalive of MQTT, in seconds."""
         return KEEPALIVE_OF_NODES_SECONDS if self.has_nodes else KEEPALIVE_SECONDS
 
     def qos(self, wanted: int) -> int:
-        """Return the QoS to subscribe with to what may be lost with a connection.
+        """Return the QoS of subscriptions whose messages may be lost with a connection.
 
-        A cluster makes a replicated queue of each subscription at QoS 1, for which page and robot
-        would wait; over one TCP connection QoS 1 adds nothing but acknowledgements.
+        A cluster creates a replicated queue for each subscription at QoS 1, which delays page and
+        robot; over one TCP connection, QoS 1 only adds acknowledgements.
         """
         return 0 if self.has_nodes else wanted
 
+    def client(
+        self,
+        credentials: tuple[str, str],
+        identifier: str,
+        receive: Callable[[aiomqtt.Message], None] | None = None,
+        *,
+        clean_session: bool = True,
+    ) -> aiomqtt.Client:
+        """Return a client for the present node; see robots/bridge/broker_address.py."""
+        return client(
+            self.node,
+            credentials,
+            identifier,
+            receive,
+            keepalive_seconds=self.keepalive_seconds,
+            clean_session=clean_session,
+        )
+
     def ended(self, *, was_up: bool) -> float:
-        """Go on to the next node after a connection (`was_up`) or an attempt; returns the seconds
-        to wait before.
-        """
+        """Move to the next node after a connection (`was_up`) or attempt; return the wait in s."""
         self.attempt = 0 if was_up else self.attempt + 1
         self._index = (self._index + 1) % len(self._nodes)
         return backoff(self.attempt // len(self._nodes), self._rng.random())

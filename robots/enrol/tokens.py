@@ -5,8 +5,8 @@ Made by the owner, shown once, kept as a hash, good for one robot, for some hour
 """
 
 import datetime
-import hashlib
 
+from accounts.tokens import hash_of
 from robots.enrol.credentials import Credentials, make_credentials, new_token
 from robots.models import Enrolment, Robot
 
@@ -19,7 +19,7 @@ def make_token(robot: Robot, now: datetime.datetime, hours: float = HOURS) -> st
     Enrolment.objects.filter(robot=robot, used_at=None).delete()
     Enrolment.objects.create(
         robot=robot,
-        token_sha256=_hash(token),
+        token_sha256=hash_of(token),
         made_at=now,
         expires_at=now + datetime.timedelta(hours=hours),
     )
@@ -34,7 +34,7 @@ def redeem(name: str, token: str, now: datetime.datetime) -> Credentials | None:
     old computer.
     """
     rows = Enrolment.objects.filter(
-        token_sha256=_hash(token),
+        token_sha256=hash_of(token),
         robot__name=name,
         robot__enabled=True,
         used_at=None,
@@ -53,7 +53,3 @@ def open_enrolment(robot: Robot, now: datetime.datetime) -> str:
     rows = Enrolment.objects.filter(robot=robot, used_at=None, expires_at__gt=now)
     found = rows.values_list("pk", flat=True).first()
     return "" if found is None else str(found)
-
-
-def _hash(token: str) -> str:
-    return hashlib.sha256(token.encode()).hexdigest()

@@ -9,9 +9,11 @@ secrets, and answers with plain data (MessagePack).
 import contextlib
 import importlib
 import os
+import re
 import subprocess
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,12 +21,18 @@ from typing import Any
 
 import django
 import msgspec
+import structlog
 from django.conf import settings
 from django.utils.translation import activate, get_language
 from django.utils.translation import gettext as _
 
 PASSED_ON = ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH", "TMPDIR", "TEMP", "SYSTEMROOT")
 ROOT = Path(__file__).parents[2]
+IMPORT_FAILED = 3  # the child's exit code when a module or library cannot be loaded
+NO_ANSWER = msgspec.msgpack.encode(None)  # made before memory is limited
+# the dynamic loader's words, of a library that finds no room
+OUT_OF_MEMORY = re.compile(r"failed to map|annot allocate memory|cannot create.*segment")
+log = structlog.stdlib.get_logger(__name__)
 _one_at_a_time = threading.Lock()  # several would need several times the memory
 
 
@@ -68,7 +76,8 @@ def run_limited(
         limits: what it may use.
 
     Raises:
-        ImportRefusedError: the function raised an exception with `problems`, or reached a limit.
+        ImportRefusedError: the function raised an exception with `problems`, reached a limit, or
+            could not be imported, or another import took too long.
         RuntimeError: it failed otherwise; the text is the child's traceback.
     """
     request = Request(
@@ -92,7 +101,9 @@ def run_limited(
 def _answer(request: Request) -> dict[str, Any] | None:
     """Return what a child answers, None when it reached a limit."""
     if not _one_at_a_time.acquire(timeout=request.limits.elapsed):
-        return None
+        raise ImportRefusedError(
+            [_("Another import is running on the server. Try again in a minute.")]
+        )
     try:
         child = subprocess.run(
             [sys.executable, "-m", "robots.files.limited_process"],
@@ -108,9 +119,15 @@ def _answer(request: Request) -> dict[str, Any] | None:
         return None
     finally:
         _one_at_a_time.release()
-    if child.returncode > 0:
-        raise RuntimeError(child.stderr.decode(errors="replace"))
-    if child.returncode < 0:  # a signal: the limit of processor time, or a stack that overflowed
+    reason = child.stderr.decode(errors="replace")
+    if child.returncode == IMPORT_FAILED:
+        log.error("import_not_possible", module=request.module, reason=reason)
+        raise ImportRefusedError(
+            [_("The server cannot read such files just now. Tell the site's staff.")]
+        )
+    if child.returncode > 0 and "MemoryError" not in reason:
+        raise RuntimeError(reason)
+    if child.returncode != 0:  # or a signal: processor time, or a stack that overflowed
         return None
     answer: dict[str, Any] | None = msgspec.msgpack.decode(child.stdout)
     return answer
@@ -119,20 +136,29 @@ def _answer(request: Request) -> dict[str, Any] | None:
 def _main() -> None:
     """Answer the request on the standard input."""
     request = msgspec.msgpack.decode(sys.stdin.buffer.read(), type=Request)
-    _limit(request.limits)
-    settings.configure(LOCALE_PATHS=request.catalogues, USE_I18N=True)
-    django.setup()
-    activate(request.language)
     try:
-        function = getattr(importlib.import_module(request.module), request.function)
-        answer = msgspec.msgpack.encode({"result": function(*request.arguments)})
+        answer = msgspec.msgpack.encode({"result": _called(request)})
     except (MemoryError, RecursionError):
-        answer = msgspec.msgpack.encode(None)
+        answer = NO_ANSWER
+    except ImportError as error:
+        if OUT_OF_MEMORY.search(str(error)) is None:
+            traceback.print_exc()
+            sys.exit(IMPORT_FAILED)
+        answer = NO_ANSWER
     except Exception as error:
         if not hasattr(error, "problems"):
             raise  # with a traceback on the standard error
         answer = msgspec.msgpack.encode({"problems": [str(one) for one in error.problems]})
     sys.stdout.buffer.write(answer)
+
+
+def _called(request: Request) -> Any:
+    _limit(request.limits)
+    settings.configure(LOCALE_PATHS=request.catalogues, USE_I18N=True)
+    django.setup()
+    activate(request.language)
+    function = getattr(importlib.import_module(request.module), request.function)
+    return function(*request.arguments)
 
 
 def _limit(limits: ChildLimits) -> None:

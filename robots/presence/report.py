@@ -7,12 +7,14 @@ from typing import Any, Literal
 from robots.models import Robot
 
 # robots.agent.control.dispatcher: how an agent says that it does not reach the robot that it is the
-# agent of
+# agent of, and that the robot moves although it should be at rest
 AWAY = re.compile(r"adapter_(?:lost|starting): ")
+RUNS_ON = "runs_on: "
 FAULT_NAME = re.compile(r"^\w+: ")
 
-# Why nobody can drive a robot that is connected: its emergency stop is on, its agent does not
-# reach it, or it has another fault. The words are those of a paused queue, too.
+# Why a connected robot cannot be driven: its emergency stop is on, its agent does not reach it, or
+# it has another fault, such as that it does not stop. A paused queue has the same reasons. None of
+# them ends or pauses a drive that has begun.
 Standstill = Literal["", "estop", "not_connected", "fault"]
 
 
@@ -20,49 +22,56 @@ def trouble_of(report: Any) -> str:
     """Return why an agent does not reach its robot, as its last state has it; empty when it does,
     or has not said.
     """
-    errors = report.get("errors") if isinstance(report, dict) else None
-    told = (
-        (error for error in errors if isinstance(error, str))
-        if isinstance(errors, list | tuple)
-        else ()
-    )
-    return next((AWAY.sub("", error, count=1) for error in told if AWAY.match(error)), "")
+    found = (error for error in _errors(report) if AWAY.match(error))
+    return AWAY.sub("", next(found, ""), count=1)
 
 
 def standstill_of(report: Any) -> Standstill:
-    """Return why nobody can drive a robot, by its last state; empty when somebody can."""
+    """Return why a robot cannot be driven, by its last state; empty when it can."""
     safety = safety_of(report)
     if safety.get("estop") is True:
         return "estop"
     if trouble_of(report):
         return "not_connected"
-    return "fault" if safety.get("inhibited") == "fault" else ""
+    return "fault" if safety.get("inhibited") == "fault" or runs_on(report) else ""
+
+
+def runs_on(report: Any) -> bool:
+    """Tell whether a robot moves although it should be at rest, by its last state."""
+    return any(error.startswith(RUNS_ON) for error in _errors(report))
 
 
 def safety_of(report: Any) -> dict[str, Any]:
-    """Return what its last state says of a robot's safety, {} when it says nothing."""
+    """Return `safety` of a robot's last state, {} when it has none."""
     safety = report.get("safety") if isinstance(report, dict) else None
     return safety if isinstance(safety, dict) else {}
 
 
 def is_stopped_there(report: Any) -> bool:
-    """Tell whether somebody at the robot pressed its emergency stop: at its screen, or the robot's
-    own button (robots.agent.safety.estop_latch).
+    """Tell whether the emergency stop was pressed at the robot: on its screen, or the robot's own
+    button (robots.agent.safety.estop_latch).
     """
     source = safety_of(report).get("estopSource")
     return isinstance(source, str) and source.partition(":")[0] in {"screen", "button"}
 
 
 def fault_of(report: Any) -> str:
-    """Return a robot's fault as its agent says it, empty when it says none."""
+    """Return the fault that a robot's agent reported, empty when it reported none. That the robot
+    moves although it should be at rest comes before all others.
+    """
+    errors = sorted(_errors(report), key=lambda error: not error.startswith(RUNS_ON))
+    return FAULT_NAME.sub("", next(iter(errors), ""), count=1)
+
+
+def _errors(report: Any) -> list[str]:
     errors = report.get("errors") if isinstance(report, dict) else None
-    first = errors[0] if isinstance(errors, list | tuple) and errors else ""
-    return FAULT_NAME.sub("", first, count=1) if isinstance(first, str) else ""
+    listed = errors if isinstance(errors, list | tuple) else ()
+    return [error for error in listed if isinstance(error, str)]
 
 
 def has_problem(robot: Robot, now: datetime.datetime) -> bool:
-    """Tell whether a robot is there and cannot be driven until somebody does something: it is at a
-    standstill, or could not get ready for the next visit.
+    """Tell whether a robot is online and needs a person's help: it cannot be driven, or could not
+    get ready for the next visit.
     """
     is_stuck = robot.presence.turnaround == Robot.Turnaround.PAUSED
     return robot.is_online(now) and bool(standstill_of(robot.presence.report) or is_stuck)

@@ -35,7 +35,7 @@ def changes(
         row: as it is known.
         message: a Connection, Factsheet or State of this robot; others change nothing.
         now: when the message came.
-        retained: the broker had it in store, so that it says nothing about now.
+        retained: the broker had it in store, so that it is no proof that the robot is online.
     """
     match message:
         case Connection():
@@ -63,8 +63,8 @@ def _state(row: RobotPresence, message: State) -> dict[str, Any]:
     known = row.report or {}
     if known.get("boot") == message.boot and known.get("seq", -1) >= message.seq:
         return {}  # sent again on request
-    # It says nothing about the connection: the last states of a robot that died may come after its
-    # will. One that lives says ONLINE.
+    # A state does not change the connection: the last states of an agent that died may arrive after
+    # its will, and an agent that is running publishes ONLINE.
     return {"report": without_nul(msgspec.to_builtins(message))}
 
 
@@ -84,25 +84,25 @@ def _is_news(before: Any, after: Any) -> bool:
     """Tell whether a state is the first of its boot, begins or ends a standstill, or comes from a
     robot that has docked or left.
     """
-    told = [
+    keys = [
         ((one or {}).get("boot"), (one or {}).get("docked", False), standstill_of(one))
         for one in (before, after)
     ]
-    return told[0] != told[1]
+    return keys[0] != keys[1]
 
 
 class Fence(Protocol):
-    """Whose robots are ours to write (sessions.shards.ownership); `version` grows when that
+    """Which robots this process may write (sessions.shards.ownership); `version` grows when that
     changes.
     """
 
     version: int
 
     def records(self, robot: str) -> bool:
-        """Tell whether what is known of the robot of this name is ours to write."""
+        """Tell whether this process may write the presence of the robot of this name."""
 
     def about(self, *robots: str) -> AbstractContextManager[None]:
-        """Refuse the writes in this block when one of these robots is somebody else's by now."""
+        """Refuse the writes in this block when another process has taken over one of the robots."""
 
 
 @dataclass
@@ -115,11 +115,10 @@ class _KnownRobot:
 
 
 class PresenceWriter:
-    """Takes every message of every robot, and writes rows together: at the next `write` what is
-    news to whoever chooses a robot, other states every two seconds.
+    """Takes every message of every robot, and writes rows together: at the next `write` the changes
+    that matter on the list of robots, other states every two seconds.
 
-    Synchronous; for the one process that records a robot. It writes only fields that nobody else
-    writes.
+    Synchronous; for the one process that records a robot, which alone writes these fields.
     """
 
     def __init__(self, fence: Fence, write_seconds: float = WRITE_SECONDS) -> None:
@@ -171,8 +170,8 @@ class PresenceWriter:
             self._unwritten.discard(name)
 
     def follow_ownership(self, now: datetime.datetime) -> None:
-        """When other robots are ours by now, write what waits and read every row again: what is
-        known of a robot that was somebody else's meanwhile is out of date.
+        """When this process has gained or lost robots, write all pending changes and read every row
+        again: a row that another process wrote in between is out of date here.
         """
         if (version := self._fence.version) != self._version:
             self.write(now, at_once=True)
@@ -180,8 +179,8 @@ class PresenceWriter:
             self._version = version
 
     def write(self, now: datetime.datetime, *, at_once: bool = False) -> None:
-        """Write what is news, and the states that have waited for long enough, or all that wait;
-        the robot's next one may be far.
+        """Write urgent changes and states that are two seconds old, or with `at_once` all pending
+        changes: an idle robot's next message may take half a minute.
         """
         at = now.timestamp()
         self.forget([name for name in self._unwritten if not self._fence.records(name)])
@@ -212,7 +211,7 @@ class PresenceWriter:
                 return
             logger.error("presence_refused", robot=next(iter(group)).name, reason=str(error))
             written = 0
-        if written < len(rows):  # one was deleted, perhaps made anew under the same name
+        if written < len(rows):  # one was deleted, and perhaps created again under the same name
             self.forget([known.name for known in group])
 
 

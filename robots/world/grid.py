@@ -6,8 +6,8 @@ An image value v means the occupancy (255 - v) / 255, or v / 255 when the file s
 
 In the mode `scale` the values between the thresholds are how likely a cell is occupied. Neither is
 certain, so for driving they are unknown, too. In the mode `raw` a value from 0 to 100 is itself the
-occupancy in percent, and everything above is unknown. In a PNG, what is not opaque is unknown
-(nav2_map_server, map_io.cpp). A map is turned into the first form when it is read.
+occupancy in percent, and everything above is unknown. In a PNG, pixels that are not opaque are
+unknown (nav2_map_server, map_io.cpp). Reading a map converts it to the mode `trinary`.
 """
 
 import io
@@ -42,12 +42,12 @@ _PGM = re.compile(rb"P[25]" + _BETWEEN + rb"(\d{1,9})" + _BETWEEN + rb"(\d{1,9})
 
 
 class MapError(ValueError):
-    """A map that cannot be read; the message names the file and what is wrong with it."""
+    """A map that cannot be read; the message names the file and the error."""
 
 
 class _PlainYaml(yaml.BaseLoader):
-    """YAML whose scalars are all text, without aliases: a line of them can stand for gigabytes, and
-    a number of YAML 1.1 take minutes to compute.
+    """YAML whose scalars are all text, without aliases: a line of aliases can expand to gigabytes,
+    and a number of YAML 1.1 can take minutes to compute.
     """
 
     def compose_node(self, parent: Any, index: Any) -> Any:
@@ -70,10 +70,6 @@ class OccupancyGrid:
     negate: bool = False
     occupied_thresh: float = 0.65
     free_thresh: float = 0.196
-
-    def occupancy(self) -> npt.NDArray[np.float64]:
-        """Return (h, w) from 0, surely free, to 1, surely occupied."""
-        return self._of_values()[self.image]
 
     def occupied(self) -> npt.NDArray[np.bool_]:
         """Return (h, w), True where something stands."""
@@ -160,15 +156,6 @@ def _with_unknown(grid: OccupancyGrid, unknown: npt.NDArray[np.bool_]) -> Occupa
     return replace(grid, image=np.where(unknown, np.uint8(value), grid.image))
 
 
-def read_grey(path: Path) -> npt.NDArray[np.uint8]:
-    """Return an image file, PNG or PGM, as (h, w) uint8.
-
-    Raises:
-        MapError: it is not there, no image, or larger than `MAXIMUM_SIDE`.
-    """
-    return decode_grey(_bytes_of(path), str(path))
-
-
 def decode_grey(data: bytes, name: str) -> npt.NDArray[np.uint8]:
     """Return a PNG or PGM as (h, w) uint8; `name` is what errors call it.
 
@@ -190,7 +177,7 @@ def _decoded(data: bytes, name: str) -> tuple[npt.NDArray[np.uint8], npt.NDArray
     import av  # noqa: PLC0415 -- a sixth of the time that a simulator takes to load
 
     # opening it would already unpack a picture of any size
-    _check_size(*_told_size(data[:HEADER_BYTES], name), name)
+    _check_size(*_declared_size(data[:HEADER_BYTES], name), name)
     is_png = data.startswith(PNG)
     try:
         plain = io.BytesIO(_plain_png(data) if is_png else data)
@@ -212,11 +199,8 @@ def _plain_png(data: bytes) -> bytes:
         ValueError: it is cut off, or its picture is longer than its size allows.
         zlib.error: the picture cannot be unpacked.
     """
-    width, height, depth, colour = (
-        int.from_bytes(data[16:20]),
-        int.from_bytes(data[20:24]),
-        *data[24:26],
-    )
+    width, height = int.from_bytes(data[16:20]), int.from_bytes(data[20:24])
+    depth, colour = data[24:26]
     # with the filter bytes of all rows and the padding of the seven interlaced pictures
     left = height * (width * depth * CHANNELS.get(colour, 4) // 8 + 5) + 64
     inflate, kept = zlib.decompressobj(), [PNG]
@@ -245,9 +229,8 @@ def _chunks(data: bytes) -> Iterator[tuple[bytes, bytes]]:
         start = end
 
 
-def _told_size(start: bytes, name: str) -> tuple[int, int]:
-    """Return (width, height) as the beginning of a PNG (ISO/IEC 15948, 11.2.2) or PGM file tells
-    it.
+def _declared_size(start: bytes, name: str) -> tuple[int, int]:
+    """Return (width, height) as the header of a PNG (ISO/IEC 15948, 11.2.2) or PGM file has it.
 
     FFmpeg also reads a PNG whose first chunk is another than IHDR, and many other formats: of those
     the size is not known, and they are refused.
@@ -273,16 +256,11 @@ def encode_png(image: npt.NDArray[np.uint8]) -> bytes:
 
     grey = image.ndim == 2
     codec = av.CodecContext.create("png", "w")
-    codec.width, codec.height, codec.pix_fmt = (
-        image.shape[1],
-        image.shape[0],
-        "gray" if grey else "rgb24",
-    )
+    codec.height, codec.width = image.shape[:2]
+    codec.pix_fmt = "gray" if grey else "rgb24"
     codec.time_base = Fraction(1)
-    packets = codec.encode(av.VideoFrame.from_ndarray(image, format=codec.pix_fmt)) + codec.encode(
-        None
-    )
-    return b"".join(bytes(packet) for packet in packets)
+    frame = av.VideoFrame.from_ndarray(image, format=codec.pix_fmt)
+    return b"".join(bytes(packet) for packet in (*codec.encode(frame), *codec.encode(None)))
 
 
 def write_grid(grid: OccupancyGrid, directory: Path) -> None:

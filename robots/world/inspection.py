@@ -17,8 +17,9 @@ from robots.api.floorplan import ChargingDock, Door, FloorPlan, Passage
 from robots.api.geometry import Pose2D
 from robots.world.grid import OccupancyGrid
 from robots.world.render_plan import RESOLUTION, rasterise
+from robots.world.sensing import points_in_frame
 
-# metres from the middle of the widest robot to its side: what a way must leave free
+# metres from the centre of the widest robot to its side: the clearance that a route needs
 HALF_WIDTH = 0.28
 BACKED_OUT = 0.6  # metres behind the docked pose, where docking begins
 # least share of the plan's walls that the map must show; one made by a robot misses some
@@ -30,16 +31,14 @@ MOST_CELLS = 200_000  # of a drawing; that of a very large plan is coarser
 OTHER_SCALES = (0.5, 0.8, 0.9, 1.1, 1.25, 2.0)
 MUCH_BETTER = 0.15
 MOST_SAMPLES = 5000
-SAMPLE = 0.1  # metres between the points that are looked at
+SAMPLE = 0.1  # metres between the points that are checked
 
 Floats = npt.NDArray[np.float64]
 Spots = list[tuple[str, float, float]]
 
 
 def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
-    """Return what is wrong with a well-formed plan and its map, one sentence each; empty when
-    nothing is.
-    """
+    """Return a sentence for each error of a well-formed plan and its map; empty without any."""
     if not grid.free().any():
         return ("the map has no free cell: check `negate`",)
     drawn = drawn_plan(plan)
@@ -52,8 +51,8 @@ def inspect_site(plan: FloorPlan, grid: OccupancyGrid) -> tuple[str, ...]:
 
 @dataclass(frozen=True, eq=False)
 class Floor:
-    """A map as a robot's middle meets it: `clearance` (h, w) metres from what is not free, `region`
-    (h, w) numbers of connected floor.
+    """Where on a map a robot's centre can be: `clearance` (h, w) in metres from the nearest cell
+    that is not free, `region` (h, w) numbers of connected floor.
     """
 
     grid: OccupancyGrid
@@ -79,18 +78,15 @@ class Floor:
         """Return the greatest clearance within `radius` of a point, and the regions there."""
         row, column = self.grid.transform.to_cell(x, y)
         reach = math.ceil(radius / self.grid.transform.resolution)
-        rows, columns = (
-            slice(max(0, row - reach), max(0, row + reach + 1)),
-            slice(max(0, column - reach), max(0, column + reach + 1)),
-        )
-        found = self.clearance[rows, columns]
-        return (float(found.max()) if found.size else 0.0), set(
-            np.unique(self.region[rows, columns]).tolist()
-        ) - {0}
+        rows = slice(max(0, row - reach), max(0, row + reach + 1))
+        columns = slice(max(0, column - reach), max(0, column + reach + 1))
+        clearance = self.clearance[rows, columns]
+        regions = set(np.unique(self.region[rows, columns]).tolist()) - {0}
+        return (float(clearance.max()) if clearance.size else 0.0), regions
 
     def is_reached(self, x: float, y: float) -> bool:
-        """Tell whether a robot can stand at a point, and get there from most of the floor."""
-        return self.largest in self.about(x, y, self.grid.transform.resolution)[1] - {0}
+        """Tell whether a robot can be at a point, and get there from most of the floor."""
+        return self.largest in self.about(x, y, self.grid.transform.resolution)[1]
 
     def is_open(self, opening: Door | Passage) -> bool:
         """Tell whether a robot fits through an opening."""
@@ -202,14 +198,10 @@ def _cells(
     """Return the rows and columns of (n, 2) points of the world, moved to the border where they lie
     outside.
     """
-    origin, (height, width) = grid.transform.origin, grid.image.shape
-    cosine, sine = math.cos(origin.theta), math.sin(origin.theta)
-    dx, dy = points[:, 0] - origin.x, points[:, 1] - origin.y
-    columns = np.floor((cosine * dx + sine * dy) / grid.transform.resolution).astype(np.intp)
-    rows = (
-        height - 1 - np.floor((cosine * dy - sine * dx) / grid.transform.resolution).astype(np.intp)
-    )
-    return np.clip(rows, 0, height - 1), np.clip(columns, 0, width - 1)
+    height, width = grid.image.shape
+    in_map = points_in_frame(grid.transform.origin, points) / grid.transform.resolution
+    columns, up = np.floor(in_map).astype(np.intp).T
+    return np.clip(height - 1 - up, 0, height - 1), np.clip(columns, 0, width - 1)
 
 
 def drawn_plan(plan: FloorPlan) -> OccupancyGrid:

@@ -31,8 +31,8 @@ def cast(
         angles: (m,) directions in the frame of the segments, radians.
 
     Returns:
-        Ranges (m,) in metres, `inf` where nothing is met, and indices (m,) of the segments met, -1
-        where none is.
+        Ranges (m,) in metres and indices (m,) of the segments that the rays meet first; `inf` and
+        -1 where a ray meets none.
     """
     if len(segments) == 0:
         return np.full(angles.shape, np.inf), np.full(angles.shape, -1)

@@ -36,14 +36,14 @@ def rasterise(plan: FloorPlan, resolution: float = RESOLUTION) -> OccupancyGrid:
     low = np.floor((corners.min(axis=0) - MARGIN) / resolution + 1e-6).astype(int)
     high = np.ceil((corners.max(axis=0) + MARGIN) / resolution - 1e-6).astype(int)
     columns, rows = (high - low).tolist()
-    x, y = _samples(low, rows, columns, resolution)
+    x, y = _points(low, rows, columns, resolution, SAMPLES)
     occupied = np.zeros(x.shape, dtype=np.bool_)
     for solid in solids:
         near = _window(solid.outline, x[0], y[:, 0])
         occupied[near] |= inside(solid.outline, x[near], y[near])
     share = occupied.reshape(rows, SAMPLES, columns, SAMPLES).mean(axis=(1, 3))
     image = np.full((rows, columns), UNKNOWN, dtype=np.uint8)
-    image[_indoors(plan, *_centres(low, rows, columns, resolution))] = FREE
+    image[_indoors(plan, *_points(low, rows, columns, resolution, 1))] = FREE
     image[share >= 0.5] = OCCUPIED
     origin = Pose2D(round(float(low[0]) * resolution, 6), round(float(low[1]) * resolution, 6), 0.0)
     return OccupancyGrid(image, MapTransform(resolution, origin, rows))
@@ -79,11 +79,12 @@ def with_stations(grid: OccupancyGrid, plan: FloorPlan) -> OccupancyGrid:
     return replace(grid, image=image)
 
 
-def _samples(
-    low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float
+def _points(
+    low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float, samples: int
 ) -> tuple[Floats, Floats]:
-    across = (low[0] + (np.arange(columns * SAMPLES) + 0.5) / SAMPLES) * resolution
-    up = (low[1] + rows - (np.arange(rows * SAMPLES) + 0.5) / SAMPLES) * resolution
+    """Return x and y (rows * samples, columns * samples) of points in each cell, evenly spaced."""
+    across = (low[0] + (np.arange(columns * samples) + 0.5) / samples) * resolution
+    up = (low[1] + rows - (np.arange(rows * samples) + 0.5) / samples) * resolution
     x, y = np.meshgrid(across, up)
     return x, y
 
@@ -94,15 +95,6 @@ def _window(outline: Floats, across: Floats, up: Floats) -> tuple[slice, slice]:
     rows = len(up) - np.searchsorted(up[::-1], [high[1], low[1]], side="right")
     columns = np.searchsorted(across, [low[0], high[0]])
     return slice(int(rows[0]), int(rows[1]) + 1), slice(int(columns[0]), int(columns[1]) + 1)
-
-
-def _centres(
-    low: npt.NDArray[np.int_], rows: int, columns: int, resolution: float
-) -> tuple[Floats, Floats]:
-    across = (low[0] + np.arange(columns) + 0.5) * resolution
-    up = (low[1] + rows - np.arange(rows) - 0.5) * resolution
-    x, y = np.meshgrid(across, up)
-    return x, y
 
 
 def _indoors(plan: FloorPlan, x: Floats, y: Floats) -> npt.NDArray[np.bool_]:

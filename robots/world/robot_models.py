@@ -159,7 +159,7 @@ class OdometryModel:
 class RobotModel:
     """Everything about one kind of robot.
 
-    Which of its sensors are fitted, whoever makes the robot says.
+    The simulation decides which of its sensors are fitted.
     `wheel_noise` is the relative slip of a wheel (standard deviation over one metre), `odometry`
     how wrong its dead reckoning is.
     """

@@ -15,16 +15,14 @@ from robots.world.inspection import inspect_site
 # base64 of the image must fit into a FloorPlanUpdate, and both of them into its topic.
 MAX_PNG = 512 * 1024
 MAX_TITLE = 120
-# 200 m by 200 m at 5 cm: what is worked out of a map takes several bytes a cell
+# 200 m by 200 m at 5 cm: data computed from a map take several bytes a cell
 MAX_CELLS = 16 * 1024 * 1024
 MAP_ID = re.compile(r"[A-Za-z0-9_-]{1,50}")
 IMAGE_BEGINNINGS = (b"\x89PNG\r\n\x1a\n", b"P5", b"P2")
 
 
 class FloorPlanRefusedError(ValueError):
-    """A floor plan that cannot be stored, in sentences for whoever sent it; `problems` has them one
-    by one.
-    """
+    """A floor plan that cannot be stored; `problems` has a sentence for each reason."""
 
     def __init__(self, *problems: str) -> None:
         super().__init__(" ".join(problems))
@@ -38,14 +36,10 @@ def read_folder(directory: Path) -> dict[str, Any]:
         FloorPlanRefusedError: a file is missing or cannot be used.
     """
     try:
-        plan = floorplan.decode((directory / "plan.json").read_bytes())
+        plan = _plan((directory / "plan.json").read_bytes())
         grid = load_grid(directory / "map.yaml")
     except OSError as error:
         raise FloorPlanRefusedError(f"{error.filename}: {error.strerror}.") from error
-    except FloorPlanError as error:
-        raise FloorPlanRefusedError(
-            *(f"plan.json: {problem}." for problem in error.problems)
-        ) from error
     except MapError as error:
         raise FloorPlanRefusedError(f"{error}.") from error
     return _values(plan.map_id, plan.title, grid, plan)
@@ -60,7 +54,7 @@ def read_upload(
     Raises:
         FloorPlanRefusedError: something cannot be used.
     """
-    plan = _plan(plan_json)
+    plan = None if plan_json is None else _plan(plan_json)
     name, title = (plan.map_id, title or plan.title) if plan is not None else (name, title)
     if not name or not title:
         raise FloorPlanRefusedError(
@@ -69,9 +63,7 @@ def read_upload(
     return _values(name, title, _grid(map_yaml, image), plan)
 
 
-def _plan(data: bytes | None) -> floorplan.FloorPlan | None:
-    if data is None:
-        return None
+def _plan(data: bytes) -> floorplan.FloorPlan:
     try:
         return floorplan.decode(data)
     except FloorPlanError as error:

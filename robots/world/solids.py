@@ -111,13 +111,8 @@ def leaf_end(door: Door, opening: Opening) -> tuple[float, float]:
     turn = leaf_turn(door, opening)
     if turn == 0.0:
         return door.end
-    width, closed = (
-        math.dist(door.start, door.end),
-        math.atan2(door.end[1] - door.start[1], door.end[0] - door.start[0]),
-    )
-    return door.start[0] + width * math.cos(closed + turn), door.start[1] + width * math.sin(
-        closed + turn
-    )
+    closed = math.atan2(door.end[1] - door.start[1], door.end[0] - door.start[0])
+    return Pose2D(*door.start, closed + turn).apply(math.dist(door.start, door.end), 0.0)
 
 
 def leaf_solid(door: Door, opening: Opening) -> Solid:

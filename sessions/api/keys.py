@@ -32,9 +32,7 @@ def cut(row: ApiKey, now: datetime.datetime) -> str:
 
 
 def key_of(header: str) -> ApiKey | None:
-    """Return whose key stands in an Authorization header, with its enabled robot; None for
-    everything else.
-    """
+    """Return the key of an Authorization header, with its enabled robot; None for anything else."""
     scheme, _, given = header.partition(" ")
     name, _, token = given.strip().partition(".")
     if scheme.lower() != "bearer" or len(given) > MAX_LENGTH:

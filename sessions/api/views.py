@@ -1,9 +1,9 @@
 """The JSON API for other programs, version 1: which robots there are and how they are;
 docs/reference/json-api.md describes it.
 
-Everybody may read what the site shows everybody. A key (sessions/api/keys.py) is of one robot: it
-also reads how that one is, and may stop it or send it home. It cannot drive: a robot moves only for
-whoever holds its lease, and a lease is for persons.
+What the site shows to visitors without an account can be read without a key. A key
+(sessions/api/keys.py) belongs to one robot: it also reads that robot's state, and may stop it or
+send it to its station. It cannot drive: leases are for persons.
 """
 
 import datetime
@@ -24,6 +24,7 @@ from django.views.decorators.csrf import csrf_exempt
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts.attempts import Attempts, address_of
+from accounts.json_api import VERSION, problem, too_many
 from robots.access import robots_visible_to
 from robots.api.messages import EStop, Stop
 from robots.bridge import bridge as mqtt_bridge
@@ -35,7 +36,6 @@ from sessions.api.keys import key_of, note_use
 from sessions.leases.store import LIVE, waits_here
 from sessions.models import AT_THE_WHEEL, ApiKey, Session
 
-VERSION = 1
 REFUSED = Attempts("api-refused", limit=20)
 ACTED = Attempts("api-acted", limit=30)
 READ = Attempts("api-read", limit=120)
@@ -45,16 +45,6 @@ BROKER_PATIENCE_SECONDS = 1.0
 View = Callable[[HttpRequest, ApiKey | None], JsonResponse]
 
 
-def _problem(status: int, error: str, detail: str) -> JsonResponse:
-    return JsonResponse({"apiVersion": VERSION, "error": error, "detail": detail}, status=status)
-
-
-def _too_many(error: str, seconds: int) -> JsonResponse:
-    answer = _problem(429, error, f"Try again in {seconds} seconds.")
-    answer["Retry-After"] = str(seconds)
-    return answer
-
-
 def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
     """Return the key that comes along, None when none does, or what is wrong with it."""
     header = request.headers.get("Authorization", "")
@@ -62,11 +52,11 @@ def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
         return None
     address, now = address_of(request), time.time()
     if not REFUSED.are_left(address, now):
-        return _too_many("too_many_attempts", REFUSED.wait(address, now))
+        return too_many(REFUSED, address, now)
     key = key_of(header)
     if key is None:
         REFUSED.count(address, now)
-        return _problem(
+        return problem(
             401, "wrong_key", "Send “Authorization: Bearer KEY” with a key of a robot, or none."
         )
     note_use(key, timezone.now())
@@ -79,24 +69,24 @@ def _key_or_problem(request: HttpRequest) -> ApiKey | JsonResponse | None:
 def _reader(request: HttpRequest) -> ApiKey | JsonResponse | None:
     address, now = address_of(request), time.time()
     if not READ.count(address, now):
-        return _too_many("too_many_attempts", READ.wait(address, now))
+        return too_many(READ, address, now)
     return _key_or_problem(request)
 
 
 @never_cache
 @require_safe
 def robots(request: HttpRequest) -> JsonResponse:
-    """List the robots that whoever asks may know of, by name."""
+    """List the robots that the client may see, by name."""
     key = _reader(request)
     if isinstance(key, JsonResponse):
         return key
     now = timezone.now()
     traffic = _traffic(Session.objects.all(), now)
-    told = [
-        _told(request, row, key, traffic.get(row.pk, (0, 0)), now)
+    listed = [
+        _described(request, row, key, traffic.get(row.pk, (0, 0)), now)
         for row in _visible(request, key).order_by("name")
     ]
-    return JsonResponse({"apiVersion": VERSION, "robots": told})
+    return JsonResponse({"apiVersion": VERSION, "robots": listed})
 
 
 @never_cache
@@ -109,9 +99,11 @@ def robot(request: HttpRequest, robot: str) -> JsonResponse:
     now = timezone.now()
     row = _visible(request, key).filter(name=robot).first()
     if row is None:
-        return _problem(404, "no_such_robot", "There is no robot of this name that you can access.")
+        return problem(404, "no_such_robot", "There is no robot of this name that you can access.")
     traffic = _traffic(row.sessions, now).get(row.pk, (0, 0))
-    return JsonResponse({"apiVersion": VERSION, "robot": _told(request, row, key, traffic, now)})
+    return JsonResponse(
+        {"apiVersion": VERSION, "robot": _described(request, row, key, traffic, now)}
+    )
 
 
 def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
@@ -122,7 +114,7 @@ def _visible(request: HttpRequest, key: ApiKey | None) -> Any:
 
 
 def _traffic(sessions: Any, now: datetime.datetime) -> dict[Any, tuple[int, int]]:
-    """Return how many drive and how many wait at each robot where anybody does."""
+    """Return how many visitors (drive, wait), by the robot's key; robots without any are absent."""
     living = sessions.filter(state__in=LIVE).order_by()
     counts = living.values("robot").annotate(
         driving=Count("pk", filter=Q(state__in=AT_THE_WHEEL)),
@@ -131,7 +123,7 @@ def _traffic(sessions: Any, now: datetime.datetime) -> dict[Any, tuple[int, int]
     return {row["robot"]: (row["driving"], row["waiting"]) for row in counts}
 
 
-def _told(
+def _described(
     request: HttpRequest,
     row: Robot,
     key: ApiKey | None,
@@ -143,7 +135,7 @@ def _told(
     online = row.is_online(now)
     report = (row.presence.report or {}) if online else {}
     battery = report.get("battery") or {}
-    told = {
+    fields = {
         "name": row.name,
         "title": row.title,
         "description": row.description,
@@ -168,10 +160,10 @@ def _told(
         "page": request.build_absolute_uri(reverse("drive", args=[row.name])),
     }
     if key is not None and key.robot_id == row.pk:
-        told |= {
+        fields |= {
             name: report.get(name) for name in ("pose", "velocity", "mode", "safety", "errors")
         } | {"reason": row.presence.turnaround_reason}
-    return told
+    return fields
 
 
 def _state(row: Robot, report: dict[str, Any], *, busy: bool, online: bool) -> str:
@@ -206,7 +198,7 @@ def _counted(
             return key
         kind = _kind(request)
         if kind is None:
-            return _problem(
+            return problem(
                 400, "unknown_action", f"Send a JSON object with “type”: {', '.join(ACTIONS)}."
             )
         return await view(request, key, kind)
@@ -220,9 +212,9 @@ def _acting_key(request: HttpRequest, robot: str) -> ApiKey | JsonResponse:
     if isinstance(key, JsonResponse):
         return key
     if key is None or key.robot.name != robot:
-        return _problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
+        return problem(403, "not_allowed", "To act on a robot, send a key of that robot.")
     name, now = str(key.pk), time.time()
-    return key if ACTED.count(name, now) else _too_many("too_many_actions", ACTED.wait(name, now))
+    return key if ACTED.count(name, now) else too_many(ACTED, name, now, "too_many_actions")
 
 
 def _kind(request: HttpRequest) -> str | None:
@@ -253,7 +245,7 @@ async def act(_request: HttpRequest, key: ApiKey, kind: str) -> JsonResponse:
 async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
     bridge = mqtt_bridge.current()
     if not await bridge.wait_connected(BROKER_PATIENCE_SECONDS):
-        return _problem(503, "broker_away", "The robot cannot be reached now. Try again later.")
+        return problem(503, "broker_away", "The robot cannot be reached now. Try again later.")
     named = {
         "action_id": f"api-{uuid.uuid4().hex}",
         "stamp": now.timestamp(),
@@ -268,20 +260,20 @@ async def _stop(key: ApiKey, kind: str, now: datetime.datetime) -> JsonResponse:
 async def _send_home(key: ApiKey, now: datetime.datetime) -> JsonResponse:
     """Have the session manager bring it home as after a visit, unless it is somebody's."""
     if not key.robot.can_go_home:
-        return _problem(
+        return problem(
             409,
             "cannot_go_home",
             "The robot does not dock by itself, or its owner has turned this off.",
         )
     if was_stopped(key.robot):
-        return _problem(
+        return problem(
             409,
             "stopped",
             "Someone stopped the robot. A person at the robot, an operator or a new driver must"
             " release it.",
         )
     if not await database_sync_to_async(_mark_returning)(key.robot, now):
-        return _problem(
+        return problem(
             409, "driven", "A visitor has the robot. It returns to its station when the visit ends."
         )
     return JsonResponse({"apiVersion": VERSION}, status=202)

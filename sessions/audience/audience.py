@@ -1,5 +1,5 @@
-"""The audience of one robot's drives in one web process: whose pages hear what is new on the board,
-and what the other web processes hear of it through the channel layer.
+"""The audience of one robot's drives in one web process: notifies its pages of changes of the
+board, and the other web processes through the channel layer.
 """
 
 import asyncio
@@ -16,7 +16,7 @@ from django.db import DatabaseError, InterfaceError
 from robots.bridge.bridge import Bridge
 from robots.bridge.delivery import ReceivedMessage
 from sessions import page_channel
-from sessions.audience.board import Asked, Board, BoardUpdate, RaisedHand, cleaned
+from sessions.audience.board import Asked, Board, BoardUpdate, RaisedHand, sanitize
 from sessions.leases import store
 from sessions.protocol import AskQuestion, LowerHands, MarkQuestion, RaiseHand, ToAudience
 
@@ -24,27 +24,27 @@ log = structlog.stdlib.get_logger(__name__)
 
 BOARD = "board"
 BEAT_SECONDS = 5.0
-PAUSE_SECONDS = 0.5  # between two times that pages and processes are told: hands come all at once
-LINGER_SECONDS = 60.0  # without a page: one that reconnects finds the questions again
+PAUSE_SECONDS = 0.5  # between two updates of pages and processes: many hands go up at once
+LINGER_SECONDS = 60.0  # without a page, for pages that reconnect
 _decoder = msgspec.json.Decoder(BoardUpdate)
 
 
 class AudienceMember(Protocol):
-    """A page that hears of the audience."""
+    """A page that is notified of the audience."""
 
     def audience_changed(self) -> None:
-        """Something is new on the board."""
+        """Handle a change of the board."""
 
 
 class Audience:
-    """Lives on the loop of the process's pages while there are any."""
+    """Lives on the loop of the process's pages, and LINGER_SECONDS longer."""
 
     def __init__(self, robot: str, bridge: Bridge) -> None:
         self._robot, self._bridge = robot, bridge
         self.board = Board(secrets.token_hex(8))
         self._group = f"audience.{robot}"
         self._members: set[AudienceMember] = set()
-        self._looked: str | None = None  # the session that the board was begun for, or not
+        self._begun: str | None = None  # the session of the board, which is closed in a study
         self._left_at = time.monotonic()
         self._changed = asyncio.Event()
         self._known = bridge.listen(robot, self, needs=False)
@@ -53,24 +53,24 @@ class Audience:
         self._running.add_done_callback(self._ended)
 
     def join(self, member: AudienceMember) -> None:
-        """Tell a page from now on."""
+        """Add a page."""
         self._members.add(member)
         self._changed.set()
 
     def part(self, member: AudienceMember) -> None:
-        """Tell a page no more, whose hand is down."""
+        """Remove a page, and take down its hand."""
         self._members.discard(member)
         self._left_at = time.monotonic()
         self.leave(member)
 
     def leave(self, member: AudienceMember) -> None:
-        """A page watches no more."""
+        """Take down the hand of a page that stops watching."""
         before = self.board.version
         self.board.leave(member)
         self._note(before)
 
     def take(self, message: ToAudience, member: AudienceMember, user: str, who: str) -> str:
-        """Do what a page asks, which may ask it; return why not, or nothing."""
+        """Carry out a permitted request of a page; return why it is refused, or nothing."""
         before, key, now = self.board.version, secrets.token_hex(8), time.time()
         match message:
             case RaiseHand(raised=True):
@@ -78,7 +78,7 @@ class Audience:
             case RaiseHand():
                 reason = self.board.lower_hand(user)
             case AskQuestion(text=text):
-                reason = self.board.ask(Asked(key, user, who, cleaned(text), now))
+                reason = self.board.ask(Asked(key, user, who, sanitize(text), now))
             case MarkQuestion(question=question, state=state):
                 reason = self.board.mark(question, state)
             case LowerHands():
@@ -87,8 +87,8 @@ class Audience:
         return reason
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Look who drives when that has changed."""
-        if inbound.suffix == "lease" and self._session() != self._looked:
+        """Begin a new board when the session changes."""
+        if inbound.suffix == "lease" and self._session() != self._begun:
             self._changed.set()
 
     def _session(self) -> str | None:
@@ -109,7 +109,7 @@ class Audience:
         if behind or self.board.version != before:
             self._changed.set()
 
-    # --- what time brings -------------------------------------------------------------------------
+    # --- regular work -----------------------------------------------------------------------------
 
     async def _run(self) -> None:
         try:
@@ -118,16 +118,16 @@ class Audience:
                     async with asyncio.timeout(BEAT_SECONDS):
                         await self._changed.wait()
                 self._changed.clear()
-                await self._tell()
+                await self._notify()
                 await asyncio.sleep(PAUSE_SECONDS)
         finally:
             del _audiences[self._robot]
             self._hearing.cancel()
             self._bridge.ignore(self._robot, self)
 
-    async def _tell(self) -> None:
+    async def _notify(self) -> None:
         try:
-            await self._look()
+            await self._begin()
         except (DatabaseError, InterfaceError) as error:
             log.warning("audience_closed", robot=self._robot, reason=str(error))
         self.board.expire(time.monotonic())
@@ -139,22 +139,22 @@ class Audience:
             await page_channel.tell(self._group, {"type": BOARD, "frame": frame})
 
     def _lingers(self) -> bool:
-        gone = time.monotonic() - self._left_at
-        return self._changed.is_set() or (self._session() is not None and gone < LINGER_SECONDS)
+        since = time.monotonic() - self._left_at
+        return self._changed.is_set() or (self._session() is not None and since < LINGER_SECONDS)
 
-    async def _look(self) -> None:
-        """Begin anew with every drive; in a study there is nothing but the task."""
+    async def _begin(self) -> None:
+        """Begin a new board with every session; in a study it stays closed."""
         session = self._session()
-        if session == self._looked:
+        if session == self._begun:
             return
-        self._looked = None
+        self._begun = None
         self.board.begin(None)
         study = session is not None and await database_sync_to_async(store.is_study)(session)
-        self._looked = session
+        self._begun = session
         self.board.begin(None if study else session)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
-        """Let no error of ours end it silently."""
+        """Log an error of ours."""
         if not task.cancelled() and (error := task.exception()) is not None:
             log.error("audience_failed", robot=self._robot, exc_info=error)
 

@@ -1,10 +1,10 @@
-"""The raised hands and questions of one drive's audience, as one web process knows them: pure.
+"""The raised hands and questions of one drive's audience, in one web process: pure.
 
-Every web process that has pages at a robot has a board of its own and tells the others what is new
-(`update`, `merge`). A hand belongs to the process of its page, which says all of its hands each
-time, so those of a process that is gone go down. A question is everybody's; of two copies the one
-that was changed more often counts. Boards with another digest than one's own are told everything.
-Nothing of it is stored. A board without a session is closed.
+Every web process that has pages at a robot has a board of its own and sends its changes to the
+others (`update`, `merge`). A hand belongs to the process of its page, which sends all of its hands
+each time, so that those of a dead process go down. A question belongs to all processes; of two
+copies the one with more changes counts. A board with another digest receives all questions. Nothing
+is stored. A board without a session is closed.
 """
 
 import unicodedata
@@ -16,15 +16,15 @@ import msgspec
 from sessions.protocol import AudienceQuestion, AudienceState, QuestionState
 
 QUESTION_PAUSE = 10.0  # s between two questions of one person
-MOST_OWN = 3  # questions of one person that wait
-MOST_WAITING = 50  # more than somebody who drives can answer
-MOST_QUESTIONS = 300  # of one drive
-MOST_NAMES = 30
+MAX_OWN = 3  # waiting questions of one person
+MAX_WAITING = 50  # more than a driver can answer
+MAX_QUESTIONS = 300  # of one drive
+MAX_NAMES = 30
 OWN_SHOWN = 5
-HAND_SECONDS = 15.0  # without news of its process after which a hand is down
+HAND_SECONDS = 15.0  # after which the hands of a process without updates go down
 ORDER = get_args(QuestionState)
-# UAX 9: embeddings, overrides and isolates
-TURNING = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
+# UAX 9: embeddings, overrides and isolates, which change the direction of the text around them
+BIDI_CONTROLS = {"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"}
 
 
 class RaisedHand(msgspec.Struct, frozen=True):
@@ -49,8 +49,8 @@ class Asked(msgspec.Struct, frozen=True):
 
 
 class BoardUpdate(msgspec.Struct, frozen=True):
-    """What a web process tells the others: all hands of its pages, the ids of hands that are down,
-    questions that are new or changed, and the digest of all questions that it knows.
+    """The changes of a web process: all hands of its pages, the ids of lowered hands, new and
+    changed questions, and the digest of all of its questions.
     """
 
     process: str
@@ -61,20 +61,19 @@ class BoardUpdate(msgspec.Struct, frozen=True):
     digest: int
 
 
-def cleaned(text: str) -> str:
-    """Return a question on one line, without control characters and those that turn the direction
-    of what stands around it; empty when nothing of it can be seen.
-    """
+def sanitize(text: str) -> str:
+    """Return a question on one line, without control characters; empty if not visible."""
     line = "".join(
-        letter
-        for letter in " ".join(text.split())
-        if unicodedata.category(letter) != "Cc" and unicodedata.bidirectional(letter) not in TURNING
+        character
+        for character in " ".join(text.split())
+        if unicodedata.category(character) != "Cc"
+        and unicodedata.bidirectional(character) not in BIDI_CONTROLS
     )
-    return line if any(unicodedata.category(letter)[0] not in "CZM" for letter in line) else ""
+    return line if any(unicodedata.category(each)[0] not in "CZM" for each in line) else ""
 
 
 class Board:
-    """What `process` knows of the audience. `version` grows with every change."""
+    """The audience as `process` knows it. `version` grows with every change."""
 
     def __init__(self, process: str) -> None:
         self.process = process
@@ -82,13 +81,12 @@ class Board:
         self.begin(None)
 
     def begin(self, session: str | None) -> None:
-        """Forget everything, and take hands and questions of this session from now on."""
+        """Start again, for this session."""
         self.session = session
         self._questions: dict[str, Asked] = {}
         self._own: dict[object, RaisedHand] = {}  # by the page
-        self._others: dict[
-            str, tuple[tuple[RaisedHand, ...], float]
-        ] = {}  # by process, and when heard
+        # by process, with the time of its update
+        self._others: dict[str, tuple[tuple[RaisedHand, ...], float]] = {}
         self._news: set[str] = set()
         self._down: set[str] = set()
         self._change()
@@ -105,11 +103,12 @@ class Board:
         for one in self.questions:
             self._by_user.setdefault(one.user, []).append(one)
 
-    # --- what people do; each returns why not, in one word, or nothing ----------------------------
+    # --- requests of pages; each returns the code of its refusal, or nothing
+    # -----------------------
 
     def raise_hand(self, page: object, hand: RaisedHand) -> str:
-        """Raise somebody's hand. One that is up keeps its place in the row and goes down with this
-        page from now on: the page before it, or its web process, may be dead without our knowing.
+        """Raise a person's hand. A hand that is up keeps its place, but now belongs to this page:
+        the earlier page, or its web process, may be dead without our knowing.
         """
         if self.session is None:
             return "closed"
@@ -121,15 +120,15 @@ class Board:
         return ""
 
     def lower_hand(self, user: str) -> str:
-        """Take somebody's hand down, whichever page raised it."""
+        """Take down a person's hand, also if another page raised it."""
         return self._lower({hand.id for hand in self.hands if hand.user == user})
 
     def lower_all(self) -> str:
-        """Take all hands down."""
+        """Take down all hands."""
         return self._lower({hand.id for hand in self.hands})
 
     def leave(self, page: object) -> None:
-        """Take down the hand of a page that watches no more."""
+        """Take down the hand of a page that stops watching."""
         if page in self._own:
             del self._own[page]
             self._change()
@@ -144,12 +143,12 @@ class Board:
     def _drop(self, down: set[str]) -> None:
         self._own = {page: hand for page, hand in self._own.items() if hand.id not in down}
         self._others = {
-            process: (tuple(hand for hand in hands if hand.id not in down), heard)
-            for process, (hands, heard) in self._others.items()
+            process: (tuple(hand for hand in hands if hand.id not in down), at)
+            for process, (hands, at) in self._others.items()
         }
 
     def ask(self, question: Asked) -> str:
-        """Put a question behind the others."""
+        """Add a question at the end."""
         if self.session is None:
             return "closed"
         if not question.text:
@@ -157,17 +156,17 @@ class Board:
         mine = self._by_user.get(question.user, [])
         if mine and question.stamp - mine[-1].stamp < QUESTION_PAUSE:
             return "rate"
-        if sum(one.state == "waiting" for one in mine) >= MOST_OWN:
+        if sum(one.state == "waiting" for one in mine) >= MAX_OWN:
             return "too_many"
         waiting = sum(one.state == "waiting" for one in self.questions)
-        if waiting >= MOST_WAITING or len(self.questions) >= MOST_QUESTIONS:
+        if waiting >= MAX_WAITING or len(self.questions) >= MAX_QUESTIONS:
             return "full"
         self._put(question)
         self._change()
         return ""
 
     def mark(self, key: str, state: QuestionState) -> str:
-        """Say what becomes of a question; while one is being answered, no other is."""
+        """Set the state of a question; only one at a time is being answered."""
         question = self._questions.get(key)
         if question is None:
             return "unknown"
@@ -191,7 +190,7 @@ class Board:
         return zlib.crc32("\n".join(lines).encode())
 
     def update(self) -> BoardUpdate | None:
-        """Return what the others are to hear now; None while the board is closed."""
+        """Return the changes for the other processes; None while the board is closed."""
         if self.session is None:
             return None
         news, self._news = self._news, set()
@@ -206,9 +205,7 @@ class Board:
         )
 
     def merge(self, update: BoardUpdate, now: float) -> bool:
-        """Take what another process says; True when it does not know all that is known here. `now`
-        is monotonic seconds.
-        """
+        """Take an update at `now`, monotonic seconds; True when its process lacks questions."""
         if update.process == self.process or update.session != self.session:
             return False
         before, _ = self._others.get(update.process, ((), 0.0))
@@ -228,17 +225,17 @@ class Board:
         return known is None or _age(question) > _age(known)
 
     def expire(self, now: float) -> None:
-        """Take down the hands of web processes that are gone."""
+        """Take down the hands of processes that have sent no update for HAND_SECONDS."""
         kept = {key: one for key, one in self._others.items() if now - one[1] < HAND_SECONDS}
         if len(kept) < len(self._others):
             self._others = kept
             self._change()
 
-    # --- what a page is told ----------------------------------------------------------------------
+    # --- views of pages ---------------------------------------------------------------------------
 
     def view(self, user: str, *, moderates: bool = False) -> AudienceState:
-        """Return what somebody sees: everybody what is being answered, without a name; the person
-        who asked, their own; who moderates, hands and all that wait.
+        """Return the view of a page: for all, the question that is being answered, without a name,
+        and their own ones; for moderators, also the hands and all waiting questions.
         """
         if self.session is None:
             return AudienceState()
@@ -251,7 +248,7 @@ class Board:
             moderates=moderates,
             raised=user in self._raised,
             hands=len(self.hands) if moderates else 0,
-            names=tuple(hand.who for hand in self.hands[:MOST_NAMES]) if moderates else (),
+            names=tuple(hand.who for hand in self.hands[:MAX_NAMES]) if moderates else (),
             questions=tuple(_question(one, user, named=moderates) for one in questions),
         )
 

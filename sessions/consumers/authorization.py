@@ -149,7 +149,7 @@ class Authorization:
             called for each offer, because credentials expire.
     """
 
-    _protocol: Any = protocol  # decodes what is no part of the Robot API
+    _protocol: Any = protocol  # decodes messages outside the Robot API
 
     def __init__(
         self,
@@ -255,7 +255,10 @@ class Authorization:
         suffix = ""
         try:
             suffix, payload = _split(frame)
-            return (self._effect(suffix, self._decode(suffix, payload), lease, now),)
+            message = self._decode(suffix, payload)
+            if not self._allowance.passes(message, now):
+                return self.deny(suffix, "rate", now)
+            return (self._effect(suffix, message, lease, now),)
         except Rejection as rejection:
             return self.deny(suffix, rejection.reason, now)
         except FrameRefused as refused:
@@ -285,7 +288,6 @@ class Authorization:
         return (DenyFrame(suffix[:80], reason),)
 
     def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
-        self._check_rate(message, now)
         match message:
             case VelocityCommand():
                 return self._velocity(message, lease, now)
@@ -321,10 +323,6 @@ class Authorization:
                     raise FrameRefused("not_allowed")
                 return TellAudience(suffix, message)
         return Verb(suffix, message)
-
-    def _check_rate(self, message: Any, now: float) -> None:
-        if not self._allowance.passes(message, now):
-            raise FrameRefused("rate")
 
     def _require(self, *, may: bool) -> None:
         if not may:
@@ -365,8 +363,12 @@ class Authorization:
             return msgspec.structs.replace(
                 action, session=self.session, epoch=self.epoch, role="driver", user=self.who
             )
+        # A page stops the robot when its drive ends. Copies that arrive afterwards, also on another
+        # connection, name that drive, and without a lease they do not hold the robot as the stop of
+        # a person does. A false claim only weakens the sender's own stop.
+        session = None if lease else action.session
         stamped = msgspec.structs.replace(
-            action, session=None, epoch=0, role=self.operator or "observer", user=self.who
+            action, session=session, epoch=0, role=self.operator or "observer", user=self.who
         )
         # The number belongs to the driver's counter: a stranger's would kill commands that the
         # driver has yet to send.
@@ -375,9 +377,14 @@ class Authorization:
     def _action(self, suffix: str, action: Action, lease: Lease | None) -> Publish | Write:
         if isinstance(action, Say) and self.standing == "waiting" and lease is None:
             return Write(action)
-        return Publish(suffix, self._stamp_action(action, lease))
+        return Publish(suffix, self.stamp_action(action, lease))
 
-    def _stamp_action(self, action: Action, lease: Lease | None) -> Action:
+    def stamp_action(self, action: Action, lease: Lease | None) -> Action:
+        """Return an action with the role, session and user that the robot is to know.
+
+        Raises:
+            FrameRefused: this page may not ask for it.
+        """
         if isinstance(action, ResendStates):
             raise FrameRefused("not_allowed")
         if isinstance(action, ClearEStop) or (

@@ -17,7 +17,7 @@ from django.utils import timezone
 from robots import log_ids
 from robots.api import picture
 from robots.api.messages import Action, ActionStatus, Message, Say
-from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
+from robots.bridge.delivery import LINK, ReceivedMessage
 from robots.ice import IceCredentials
 from sessions import page_channel, protocol
 from sessions.audience.audience import audience_of
@@ -33,7 +33,7 @@ from sessions.consumers.authorization import (
     Write,
 )
 from sessions.consumers.database import query
-from sessions.consumers.page_session import PageSession
+from sessions.consumers.page_session import MAX_WAITING_VERBS, PageSession
 from sessions.consumers.peers import part, peers_of
 from sessions.consumers.robot_page import WELCOME_EVERY, RobotPageConsumer
 from sessions.devices import device_of, headers_of_scope
@@ -230,7 +230,7 @@ class RobotConsumer(RobotPageConsumer):
 
     def _ask(self, suffix: str, verb: Message) -> None:
         assert self.page_session is not None
-        if self.page_session.has_room_for_a_verb():
+        if self.page_session.waiting_verbs < MAX_WAITING_VERBS:
             self._launch(self.page_session.do(verb), suffix)
         else:
             self._perform(self.authorization.deny(suffix, "busy", time.monotonic()))
@@ -238,7 +238,7 @@ class RobotConsumer(RobotPageConsumer):
     # --- what the robot says ----------------------------------------------------------------------
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take a letter from the bridge, in whose task lines of the log would be about nobody."""
+        """Take a message of the bridge, with this page's ids in the lines of the log."""
         token = log_ids.bind(self.ids)
         try:
             self._handle_message(inbound)
@@ -252,11 +252,8 @@ class RobotConsumer(RobotPageConsumer):
             unsure = self.page_session.lost_lease(inbound.message)
             if (work := self.page_session.privacy_changed()) is not None:
                 self._launch(work)
-        elif inbound.suffix in {LINK, "connection"}:
+        elif self._tells_connection(inbound):
             unsure = inbound.suffix == LINK and inbound.message
-            self._tell_presence(inbound)
-        elif inbound.suffix == FAULTS:
-            self.sender.put(relay.status(inbound.message, self.known, time.monotonic()))
         elif picture.is_picture(inbound.suffix):
             if (
                 isinstance(inbound.frame, bytes)

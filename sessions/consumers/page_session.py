@@ -33,18 +33,17 @@ from sessions.consumers.sender import Sender
 from sessions.leases import store
 from sessions.leases.terms import Terms
 from sessions.models import Session
-from sessions.sfu import broadcasts
-from sessions.sfu.broadcast import ToSfu
+from sessions.sfu.broadcast import ToSfu, broadcast_of, has_sfu
 
 log = structlog.stdlib.get_logger(__name__)
-MAX_WAITING_VERBS = 5
+MAX_WAITING_VERBS = 5  # that one page may ask for while earlier ones are being done
 VERDICT_SECONDS = 1.0  # in which the database must say that a page may watch a private drive
 ROOM_SECONDS = 2.0  # between two looks at who is here, for a page that watches through the SFU
 
 
 @dataclass(eq=False)
 class PageSession:
-    """One page's session at one robot; also a member of the robot's company and the follower of its
+    """One page's session at one robot; also a member of the robot's peers, and a follower of the
     session's notices.
 
     Verbs run one after another, under `turn`; frames that need no database go on passing meanwhile.
@@ -71,10 +70,6 @@ class PageSession:
     audience_told: protocol.AudienceState | None = None  # nothing before it watches or drives
 
     # --- verbs ------------------------------------------------------------------------------------
-
-    def has_room_for_a_verb(self) -> bool:
-        """Tell whether the page may ask for one more thing while earlier ones are being done."""
-        return self.waiting_verbs < MAX_WAITING_VERBS
 
     async def do(self, verb: Message) -> None:
         """Carry out a Take, Observe, Leave or Assist, after those before it.
@@ -116,18 +111,15 @@ class PageSession:
         match taken:
             case store.TakeGranted():
                 self._granted(taken)
-            case store.TakeQueued(session, place, minutes, reason):
+            case protocol.Queued(session=session):
                 self._follow(session)
                 self.authorization.wait(session)
-                self.sender.notify(
-                    protocol.Queued(session=session, place=place, minutes=minutes, reason=reason)
-                )
-            case store.TakeRefused(reason, session, since):
-                outcome = await self._how_it_ended(session) if reason == "ended" else ""
-                self.sender.post(
-                    "session/refused",
-                    protocol.Refused(reason=reason, session=session, outcome=outcome, since=since),
-                )
+                self.sender.notify(taken)
+            case protocol.Refused(reason="ended", session=session):
+                outcome = await self._how_it_ended(session)
+                self.sender.post("session/refused", msgspec.structs.replace(taken, outcome=outcome))
+            case protocol.Refused():
+                self.sender.post("session/refused", taken)
 
     async def _how_it_ended(self, session: str | None) -> str:
         """Return the outcome of a session whose page was not there to hear it; empty when it is not
@@ -167,8 +159,6 @@ class PageSession:
         if session is not None and self.authorization.standing == "driver":
             chosen = await query(
                 queries.choose_assist,
-                self.robot,
-                self.user,
                 session,
                 verb.level,
                 peer=self.authorization.peer,
@@ -192,7 +182,7 @@ class PageSession:
         by_sfu = self.authorization.by_sfu
         if not self.authorization.watches:
             operates = self.authorization.operator is not None
-            sfu = broadcasts.is_set_up()
+            sfu = has_sfu()
             by_sfu = sfu and not self.peers.has_place_beside_sfu(self.known, operates=operates)
             if not sfu and not self.peers.has_place(self.known):
                 self.sender.post("session/refused", protocol.Refused(reason="observers_full"))
@@ -202,7 +192,7 @@ class PageSession:
     def _watch(self, *, by_sfu: bool) -> None:
         self.authorization.observe(by_sfu=by_sfu)
         if by_sfu:
-            broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+            broadcast = broadcast_of(self.robot.name, self.bridge)
             broadcast.join(self.authorization.peer, self._tell_of_sfu)
         observing = protocol.Observing(ice_servers=self._ice_servers(), sfu=by_sfu)
         self.sender.post("session/observing", observing)
@@ -217,13 +207,13 @@ class PageSession:
         is_ours = inbound.suffix == f"{protocol.SIGNAL}/{page.peer}/reply"
         if not is_ours or not page.watches or page.by_sfu:
             return False
-        if broadcasts.is_set_up():
+        if has_sfu():
             self._watch(by_sfu=True)
         return page.by_sfu
 
     def tell_sfu(self, message: ToSfu) -> None:
         """Tell the SFU what the page says to it."""
-        broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+        broadcast = broadcast_of(self.robot.name, self.bridge)
         # it may be another one than that which the page came to
         broadcast.join(self.authorization.peer, self._tell_of_sfu)
         broadcast.take(self.authorization.peer, message)
@@ -233,7 +223,7 @@ class PageSession:
 
     def _leave_sfu(self) -> None:
         if self.authorization.by_sfu:
-            broadcast = broadcasts.broadcast_of(self.robot.name, self.bridge)
+            broadcast = broadcast_of(self.robot.name, self.bridge)
             broadcast.leave(self.authorization.peer)
 
     async def _leave(self, verb: protocol.Leave) -> None:
@@ -316,7 +306,6 @@ class PageSession:
             standing = await query(
                 queries.session_status_of,
                 self.robot,
-                self.user,
                 session,
                 epoch=self.authorization.epoch,
                 peer=self.authorization.peer,
@@ -385,8 +374,14 @@ class PageSession:
     # --- what time brings -------------------------------------------------------------------------
 
     async def read_peers(self) -> None:
-        """Read how many wait, and what the robot does when nobody drives it; say so to all."""
-        found = await query(queries.between_visits_at, self.robot, timezone.now())
+        """Read how many wait, and what the robot does when nobody drives it; say so to all. If the
+        database is away, what was read last stands: it decides nothing.
+        """
+        try:
+            found = await query(queries.between_visits_at, self.robot, timezone.now())
+        except (DatabaseError, InterfaceError) as error:
+            log.warning("peers_not_read", robot=self.robot.name, reason=str(error))
+            return
         self.peers.waiting, self.peers.pause = found
         self.peers.changed()
 
@@ -404,7 +399,8 @@ class PageSession:
         """
         welcome = await query(queries.welcome, self.session_key, self.user, self.robot)
         answer = welcome.answer
-        if answer == "welcome":
+        if answer == "welcome" and welcome.user is not None:
+            self.user = welcome.user
             self.may_observe, self.authorization.operator = welcome.may_observe, welcome.operator
             told_before = not self.authorization.private
             self.note_private(welcome.private)

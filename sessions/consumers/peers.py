@@ -106,7 +106,7 @@ class Peers:
                 member.replaced()
 
     def changed(self) -> None:
-        """Tell everybody that the company has changed."""
+        """Tell every page here that its peers have changed."""
         for member in tuple(self.members):
             member.peers_changed()
 
@@ -120,12 +120,12 @@ _refused_before: Counter[str] = Counter()
 
 
 def peers_of(robot: str) -> Peers:
-    """Return the company at a robot."""
+    """Return the pages at a robot."""
     return _peers.setdefault(robot, Peers())
 
 
 def part(robot: str, member: Member) -> None:
-    """Leave the company; it is forgotten with its last member."""
+    """Leave; with its last page the robot's entry is dropped."""
     peers = _peers.get(robot)
     if peers is not None:
         if member in peers.members:

@@ -22,6 +22,7 @@ from sessions.consumers.authorization import Operator
 from sessions.leases import store as turns
 from sessions.leases import terms
 from sessions.models import Lease, Session
+from sessions.protocol import Refused
 
 Answer = Literal["welcome", "signed_out", "not_allowed"]
 
@@ -60,6 +61,7 @@ class Welcome:
     """What a page that is already inside is told when it is looked at again."""
 
     answer: Answer
+    user: User | None = None  # with the rights of now
     may_observe: bool = False
     operator: Operator | None = None
     private: PrivateDrive | None = None
@@ -128,34 +130,30 @@ def welcome(session_key: str | None, user: User, robot: Robot) -> Welcome:
     """Tell whether a page that is already inside may stay, still signed in and still allowed, and
     what it may do.
     """
-    if not is_signed_in(session_key, user):
+    current = signed_in(session_key, user)
+    if current is None:
         return Welcome("signed_out")
     robot.refresh_from_db()
-    observes = bool(may_observe(user, robot))
-    return (
-        Welcome("welcome", observes, _operator(user, robot), private_drive(user, robot))
-        if observes or may_drive(user, robot)
-        else Welcome("not_allowed")
-    )
+    observes = bool(may_observe(current, robot))
+    if not (observes or may_drive(current, robot)):
+        return Welcome("not_allowed")
+    operator, private = _operator(current, robot), private_drive(current, robot)
+    return Welcome("welcome", current, observes, operator, private)
 
 
-def is_signed_in(session_key: str | None, user: User) -> bool:
-    """Tell whether a page's user is still signed in, and may be."""
-    if session_key is None or not _signed_in(session_key, user):
-        return False
-    user.refresh_from_db()
-    return bool(user.is_active)
-
-
-def _signed_in(session_key: str, user: User) -> bool:
-    """Tell whether the browser's session still says so; logging out, a new password and expiry all
-    end it.
+def signed_in(session_key: str | None, user: User) -> User | None:
+    """Return the user as stored now; None when logging out, a new password, expiry or staff have
+    ended the browser's session. It is another object, because one keeps the rights that it was once
+    asked for.
     """
+    if session_key is None:
+        return None
     store = import_module(settings.SESSION_ENGINE).SessionStore(session_key)
-    fresh = User.objects.filter(pk=user.pk).first()
-    if fresh is None or store.get(SESSION_KEY) != str(user.pk):
-        return False
-    return constant_time_compare(store.get(HASH_SESSION_KEY, ""), fresh.get_session_auth_hash())
+    current = User.objects.filter(pk=user.pk, is_active=True).first()
+    if current is None or store.get(SESSION_KEY) != str(user.pk):
+        return None
+    known = store.get(HASH_SESSION_KEY, "")
+    return current if constant_time_compare(known, current.get_session_auth_hash()) else None
 
 
 def take(
@@ -173,7 +171,7 @@ def take(
     robot.refresh_from_db()
     verdict = may_drive(user, robot)
     if not verdict:
-        return turns.TakeRefused(verdict.reason)  # type: ignore[arg-type]
+        return Refused(reason=verdict.reason)  # type: ignore[arg-type]
     held = turns.holder_of(robot, user)
     if held is not None and turns.is_free_drive(held) and terms.claims(user, robot):
         # What was driven for oneself is no part of what begins now, and the robot goes home in
@@ -182,7 +180,7 @@ def take(
         held = session = None
     reason = terms.why_not(user, robot, now)
     if reason and held is None:  # whoever drives already may finish
-        return turns.TakeRefused(reason)  # type: ignore[arg-type]
+        return Refused(reason=reason)  # type: ignore[arg-type]
     return turns.take(
         robot,
         user,
@@ -196,7 +194,7 @@ def take(
 
 
 def session_status_of(
-    robot: Robot, user: User, session: str, *, epoch: int, peer: str, now: datetime.datetime
+    robot: Robot, session: str, *, epoch: int, peer: str, now: datetime.datetime
 ) -> SessionStatus:
     """Return where a session stands, for a page that thinks it drives (with `epoch` and `peer`) or
     waits (epoch 0).
@@ -204,7 +202,8 @@ def session_status_of(
     row = Session.objects.filter(pk=session).first()
     if row is None or row.state == Session.State.ENDED:
         return SessionStatus("ended", row.outcome if row else "", row.outcome_reason if row else "")
-    lease = Lease.objects.filter(robot=robot, session=session).first()
+    rows = Lease.objects.select_related("robot", "session__visitor")
+    lease = rows.filter(robot=robot, session=session).first()
     if lease is None:
         left = (
             None
@@ -214,22 +213,11 @@ def session_status_of(
         return SessionStatus(row.state, seconds=left if left is not None and left > 0.0 else None)
     if (lease.epoch, lease.peer) != (epoch, peer):
         return SessionStatus(row.state, moved=True)
-    hold = turns.hold_of(lease)
-    who, fixed = user.sent_name, terms.of(row)
-    message = turns.lease_message(
-        robot,
-        who,
-        hold,
-        renewal=lease.renewal,
-        stamp=now.timestamp(),
-        assist=row.assist,
-        fixed=fixed,
-    )
-    return SessionStatus(row.state, lease=message)
+    return SessionStatus(row.state, lease=turns.message_of(lease, now))
 
 
 def choose_assist(
-    robot: Robot, user: User, session: str, level: str, *, peer: str, now: datetime.datetime
+    session: str, level: str, *, peer: str, now: datetime.datetime
 ) -> m.Lease | Literal["not_driver", "fixed"]:
     """Note how much help a driver wants, and return the lease that says so; or why not: this page
     does not drive, or has no choice.
@@ -238,20 +226,8 @@ def choose_assist(
     fixed = terms.FREE if row is None else terms.of(row)
     if fixed.assist is not None:
         return "fixed"
-    chosen = turns.set_assist(session, level, peer=peer)
-    if chosen is None:
-        return "not_driver"
-    hold, renewal = chosen
-    robot.refresh_from_db()
-    return turns.lease_message(
-        robot,
-        user.sent_name,
-        hold,
-        renewal=renewal,
-        stamp=now.timestamp(),
-        assist=level,
-        fixed=fixed,
-    )
+    lease = turns.set_assist(session, level, peer=peer)
+    return "not_driver" if lease is None else turns.message_of(lease, now)
 
 
 def outcome_of(session: str) -> tuple[str, str]:

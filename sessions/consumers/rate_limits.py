@@ -21,7 +21,7 @@ class Allowance:
     visitor as often while the server asks for one, and what changes, much of it at once when a
     drive begins. An offer makes the robot or the SFU open sockets and gather candidates; a page
     that looks for its robot pauses 0.5 s after the first one, and longer after each that follows.
-    What is refused, for whatever reason, fills the measure of a flood.
+    Every refused frame counts towards the limit of a flood.
     """
 
     def __init__(self) -> None:

@@ -62,8 +62,8 @@ def outgoing(suffix: str, message: Message) -> Outgoing:
 
 
 def relayed(inbound: ReceivedMessage, peer: str) -> Outgoing | None:
-    """Return what a page with this peer id is told of a robot's letter; None when it is none of its
-    business.
+    """Return the frame of a robot's message for a page with this peer id; None when it is not for
+    that page.
 
     Peer ids are secret to their pages: a heartbeat keeps the echo of this page alone, and a reply
     goes to its own peer.

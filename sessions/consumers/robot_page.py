@@ -15,7 +15,7 @@ from django.db import DatabaseError, InterfaceError
 
 from robots.api.messages import Action, Bye, Lease, Message, Stay
 from robots.bridge import bridge
-from robots.bridge.delivery import ReceivedMessage
+from robots.bridge.delivery import FAULTS, LINK, ReceivedMessage
 from sessions import protocol
 from sessions.backpressure import IS_FULL, never_full
 from sessions.consumers import relay
@@ -157,12 +157,20 @@ class RobotPageConsumer(DirectConsumer):
 
     # --- what the page is told --------------------------------------------------------------------
 
-    def _tell_presence(self, inbound: ReceivedMessage) -> None:
-        """Tell whether the robot is there, whenever that changes."""
+    def _tells_connection(self, inbound: ReceivedMessage) -> bool:
+        """Tell the page what fails, and whether the robot is there whenever that changes; return
+        whether the message was about either.
+        """
+        if inbound.suffix == FAULTS:
+            self.sender.put(relay.status(inbound.message, self.known, time.monotonic()))
+            return True
+        if inbound.suffix not in {LINK, "connection"}:
+            return False
         presence = relay.presence(self.known, link=inbound.message is not False)
         if presence is not None and presence != self.presence:
             self.presence = presence
             self.sender.post("robot", presence)
+        return True
 
     async def _send_frame(self, frame: str | bytes) -> None:
         if isinstance(frame, bytes):

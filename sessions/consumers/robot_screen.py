@@ -1,4 +1,4 @@
-"""The WebSocket of a robot's own display: decode, ask, perform. Its rules stand in
+"""The WebSocket of a robot's own display: decode, ask, perform. Its rules are in
 sessions/consumers/screen_authorization.py.
 """
 
@@ -11,7 +11,7 @@ from django.utils import timezone
 
 from robots import log_ids
 from robots.api.messages import Bye, Lease, Say
-from robots.bridge.delivery import LINK, ReceivedMessage
+from robots.bridge.delivery import ReceivedMessage
 from robots.ice import IceCredentials
 from robots.screens import cookie_of, screen_of
 from sessions import page_channel, protocol
@@ -95,11 +95,11 @@ class ScreenConsumer(RobotPageConsumer):
     # --- what the display is told -----------------------------------------------------------------
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take a letter from the bridge."""
+        """Take a message of the bridge."""
         assert self.authorization is not None
-        if inbound.suffix in {LINK, "connection"}:
-            self._tell_presence(inbound)
-        elif (shown := relay.for_screen(inbound)) is not None:
+        if self._tells_connection(inbound):
+            return
+        if (shown := relay.for_screen(inbound)) is not None:
             self.sender.put(shown)
         elif inbound.suffix == "lease":
             self.visitor_changed.set()

@@ -31,8 +31,7 @@ class ScreenAuthorization(Authorization):
     In its place `who` is what the robot is called, in whose name the screen speaks.
     """
 
-    def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
-        self._check_rate(message, now)
+    def _effect(self, suffix: str, message: Any, _lease: Lease | None, _now: float) -> Effect:
         match message:
             case Stop() | EStop():
                 return Halt(self._as_screen(message))

@@ -20,11 +20,12 @@ from django.utils import timezone
 from robots import log_ids
 from robots.api.errors import Rejection
 from robots.api.messages import Action, Bye, Lease, Message, Say
-from robots.bridge.delivery import FAULTS, LINK, NOTICE, ReceivedMessage
+from robots.bridge.delivery import NOTICE, ReceivedMessage
 from robots.ice import IceCredentials
 from robots.models import Robot
+from sessions import page_channel
 from sessions import protocol as pages
-from sessions.consumers import queries, relay, wizard_relay
+from sessions.consumers import queries, wizard_relay
 from sessions.consumers.authorization import FrameRefused, Publish
 from sessions.consumers.database import query
 from sessions.consumers.robot_page import RobotPageConsumer
@@ -76,6 +77,8 @@ class WizardConsumer(RobotPageConsumer):
         self.sender.post("wizard/hello", hello)
         self.changed.set()
         self._launch(self._keep_looking(self.changed, self._look_in_turn, self._is_welcome))
+        groups = (page_channel.visitor_group(self.user.pk),)
+        self._launch(page_channel.listen(groups, lambda _: self._launch(self._look_again())))
         log.info("wizard_joined", robot=self.name)
 
     async def _gone(self) -> None:
@@ -212,11 +215,12 @@ class WizardConsumer(RobotPageConsumer):
         assert self.progress is not None
         language = self.progress.script.language
         action = action_of(step, language, action_id=ask.action_id, stamp=ask.stamp)
+        assert action is not None  # as of every step that the page does not drive
         return self._send_action(authorization, action)
 
-    def _send_action(self, authorization: WizardAuthorization, action: Action | None) -> str:
+    def _send_action(self, authorization: WizardAuthorization, action: Action) -> str:
         try:
-            stamped = authorization.stamped(action, self.known.lease)
+            stamped = authorization.stamp_action(action, self.known.lease)
         except FrameRefused as refused:
             return str(refused)
         return "" if self._send_to_robot("command/action", stamped) else "robot_unreachable"
@@ -263,11 +267,10 @@ class WizardConsumer(RobotPageConsumer):
             self._handle_notice(str(inbound.frame))
         elif inbound.suffix == "lease":
             self._lease_changed(authorization, inbound.message)
-        elif inbound.suffix in {LINK, "connection"}:
-            self._tell_presence(inbound)
-        elif inbound.suffix == FAULTS:
-            self.sender.put(relay.status(inbound.message, self.known, time.monotonic()))
-        elif (out := wizard_relay.for_wizard(inbound, authorization.peer)) is not None:
+        elif (
+            not self._tells_connection(inbound)
+            and (out := wizard_relay.for_wizard(inbound, authorization.peer)) is not None
+        ):
             self.sender.put(out)
 
     def _handle_notice(self, frame: str) -> None:
@@ -301,6 +304,11 @@ class WizardConsumer(RobotPageConsumer):
     async def _is_welcome(self) -> bool:
         key = self.scope["session"].session_key
         return await query(_is_welcome, key, self.user, self.name)
+
+    async def _look_again(self) -> None:
+        """End the page if the rights of its user have changed and it may not stay."""
+        if not await self._is_welcome():
+            self.sender.end(pages.NOT_ALLOWED)
 
     async def _look(self) -> None:
         authorization = self.authorization
@@ -342,7 +350,8 @@ def _robot_for(user: Any, name: str) -> Robot | None:
 
 
 def _is_welcome(session_key: str | None, user: Any, name: str) -> bool:
-    return queries.is_signed_in(session_key, user) and _robot_for(user, name) is not None
+    current = queries.signed_in(session_key, user)
+    return current is not None and _robot_for(current, name) is not None
 
 
 def _scene(

@@ -75,7 +75,6 @@ class WizardAuthorization(Authorization):
         )
 
     def _effect(self, suffix: str, message: Any, lease: Lease | None, now: float) -> Effect:
-        self._check_rate(message, now)
         match message:
             case VelocityCommand():
                 self._check_method(message, now)
@@ -87,7 +86,7 @@ class WizardAuthorization(Authorization):
             case Stop() | EStop():
                 return Halt(self._stamp_stop(message, lease))
             case Cancel():
-                return Publish(suffix, self._stamp_action(message, lease))
+                return Publish(suffix, self.stamp_action(message, lease))
             case SdpOffer():
                 offer = SdpOffer(sdp=message.sdp, role="wizard", ice_servers=self.ice_servers())
                 return Publish(f"signal/{self.peer}", offer)
@@ -103,11 +102,3 @@ class WizardAuthorization(Authorization):
         is_script = command.method == SCRIPT
         if moves and not (now < self.script_until if is_script else self.by_hand):
             raise FrameRefused("not_allowed")
-
-    def stamped(self, action: Any, lease: Lease | None) -> Any:
-        """Return an action of the script as the robot takes it.
-
-        Raises:
-            FrameRefused: this page does not drive.
-        """
-        return self._stamp_action(action, lease)

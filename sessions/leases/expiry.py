@@ -1,9 +1,8 @@
-"""What time does to sessions, carried out in the database: sessions/leases/transitions.py decides,
-conditional updates perform.
+"""The transitions of sessions/leases/transitions.py, carried out in the database.
 
-A visitor may come back, leave or be stopped, by another process, between the decision and the
-update. So every update names the state that was decided on, and what did not happen is not
-reported.
+Between the decision and the update, another process may end the session, or its visitor may
+reconnect. Every update therefore names the state that was decided on, and a transition that did not
+happen is not reported.
 """
 
 import datetime
@@ -11,7 +10,7 @@ from typing import Any
 
 from robots.models import Robot
 from sessions.leases.policy import ActiveSession, Scene
-from sessions.leases.store import LIVE, change_lease, end, fix_terms, load_scene, rules_of
+from sessions.leases.store import change_lease, end, fix_terms, load_scene, rules_of, update_living
 from sessions.leases.terms import NotGranted
 from sessions.leases.transitions import (
     IDLE,
@@ -29,12 +28,14 @@ from sessions.leases.transitions import (
 from sessions.models import Session
 from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
 
+WAITING = Session.State.WAITING
+
 
 def tick(
     robot: Robot, link: RobotLink, now: datetime.datetime, scene: Scene | None = None
 ) -> tuple[Act, ...]:
-    """Do what is due at one robot and return what was really done; `scene` by whoever has read
-    those of many at once.
+    """Carry out the transitions that are due at one robot, and return those that happened. A caller
+    that has read the scenes of many robots together passes `scene`.
     """
     scene = load_scene(robot, now) if scene is None else scene
     return tuple(
@@ -47,11 +48,11 @@ def tick(
 def _perform(act: Act, scene: Scene, link: RobotLink, robot: Robot, now: datetime.datetime) -> bool:
     match act:
         case Free(epoch):
-            return change_lease(robot, epoch, session=None, peer="", now=now)
+            return change_lease(robot, epoch, now=now)
         case Move():
             return _move(act, _session(scene, act.session), now)
         case Ended(session=session, outcome=outcome, reason=reason):
-            # while this was decided
+            # The page may have sent a sign of its visitor since the decision.
             sign_came = reason == IDLE and link.signs.get(session, 0.0) >= now.timestamp()
             return not sign_came and end(
                 session, outcome, reason, now, **_as_decided(_session(scene, session))
@@ -59,47 +60,42 @@ def _perform(act: Act, scene: Scene, link: RobotLink, robot: Robot, now: datetim
         case TurnWarning() | AskedThere() | FoundThere():
             return True
         case _:
-            changes, only_if = _changes(act, now)
-            return _update(act.session, changes, **only_if)
+            return _change_row(act, now)
 
 
-def _changes(
+def _change_row(
     act: FirstMotion | TurnLimited | TurnUnlimited | Offered | Withdraw | Lose,
     now: datetime.datetime,
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Return what an act changes in its session's row, and under which conditions."""
-    waiting = {"state": Session.State.WAITING}
+) -> bool:
     match act:
-        case FirstMotion():
-            return {"first_motion_at": now}, {"first_motion_at__isnull": True}
-        case TurnLimited():
-            return {"turn_ends_at": _at(act.ends_at)}, {}
-        case TurnUnlimited():
-            return {"turn_ends_at": None}, {}
-        case Offered():
-            return {"offered_at": now}, waiting | {"offered_at__isnull": True}
-        case Withdraw():
-            return {"offered_at": None}, waiting
-        case Lose():
-            return {"lost_at": _at(act.lost_at)}, waiting | {"lost_at__isnull": True}
+        case FirstMotion(session):
+            return update_living(session, {"first_motion_at": now}, first_motion_at=None)
+        case TurnLimited(session, ends_at):
+            return update_living(session, {"turn_ends_at": _at(ends_at)})
+        case TurnUnlimited(session):
+            return update_living(session, {"turn_ends_at": None})
+        case Offered(session=session):
+            return update_living(session, {"offered_at": now}, state=WAITING, offered_at=None)
+        case Withdraw(session):
+            return update_living(session, {"offered_at": None}, state=WAITING)
+        case Lose(session, lost_at):
+            return update_living(session, {"lost_at": _at(lost_at)}, state=WAITING, lost_at=None)
 
 
 def _move(move: Move, session: ActiveSession, now: datetime.datetime) -> bool:
     if session.state == "waiting" and not _terms_fixed(move.session, now):
         return False
     changes: dict[str, Any] = {"state": move.state, "lost_at": _at(move.lost_at)}
-    if session.granted_at is None:  # the process that granted it did not live to say so
+    if session.granted_at is None:  # the process that granted it died before it stored this
         changes["granted_at"] = now
-    moved = _update(move.session, changes, **_as_decided(session))
+    moved = update_living(move.session, changes, **_as_decided(session))
     if moved and move.state == "driving":
-        _update(move.session, {"driving_at": now}, driving_at__isnull=True)
+        update_living(move.session, {"driving_at": now}, driving_at=None)
     return moved
 
 
 def _terms_fixed(session: str, now: datetime.datetime) -> bool:
-    """Fix the terms of a session whose grant nobody lived to finish; False when it has come to its
-    end instead.
-    """
+    """Store the terms if the granting process died before it could; False if they refuse."""
     try:
         fix_terms(session, now)
     except NotGranted as refusal:
@@ -108,15 +104,9 @@ def _terms_fixed(session: str, now: datetime.datetime) -> bool:
     return True
 
 
-def _update(session: str, changes: dict[str, Any], **only_if: Any) -> bool:
-    return bool(
-        Session.objects.filter(pk=session, state__in=LIVE).filter(**only_if).update(**changes)
-    )
-
-
 def _as_decided(session: ActiveSession) -> dict[str, Any]:
-    """Return the conditions under which a decision about a session still stands: a visitor who came
-    back is lost again only from then on.
+    """Return the conditions under which a decision about a session is still right. A connection
+    that came back and was lost again since has a grace period of its own.
     """
     conditions: dict[str, Any] = {"state": session.state}
     if session.lost_at is not None and session.state == "reconnecting":

@@ -1,15 +1,15 @@
-"""Whose fault the end of a session was: the one place that decides it, on what was recorded.
+"""Whose fault the end of a session was, decided here alone, from the record.
 
-- *platform*: the server was away (`ServerAbsence`) when the visitor's connection was lost, or did
-  not come back before the end; or a session had lost its lease.
+- *platform*: the server was away (`ServerAbsence`) when the visitor's connection was lost, or was
+  still away at the end; or a session had lost its lease.
 - *robot*: it was silent, or had a fault.
-- *operator*: somebody who looks after the robot ended the session.
-- *visitor*: left, closed the page, or gave no sign.
-- *network*: the connection was lost or never came about, and none of these is known.
-- nobody's (empty): the task was completed, or its time or the turn was over.
+- *operator*: an operator of the robot ended the session.
+- *visitor*: left, closed the page, or did not confirm presence.
+- *network*: the connection was lost or never established, for none of these reasons.
+- none (empty): the task was completed, or its time or the turn was over.
 
 An absence explains a loss that begins during it or up to RETURN_SECONDS after it: by then a page
-that is still open has come back.
+that is still open has reconnected.
 """
 
 import math
@@ -24,7 +24,7 @@ RETURN_SECONDS = 60.0
 # WebSocket close codes (RFC 6455, 7.4.1) of a page that was closed or left, not cut off.
 CLOSED_BY_VISITOR = frozenset({1000, 1001})
 LINK_OUTCOMES = frozenset({"connection_lost", "connection_refused"})
-# outcomes and reasons that say it all by themselves; a reason of "" stands for every other
+# Outcomes and reasons that decide it without further evidence; "" means every other reason.
 _SIDES: dict[tuple[str, str], Side] = {
     ("robot_fault", ""): "robot",
     ("stopped_by_operator", ""): "operator",
@@ -37,7 +37,7 @@ _SIDES: dict[tuple[str, str], Side] = {
 @dataclass(frozen=True)
 class ServerAbsence:
     """A part of the server (WEB or MANAGER) was away from `since` to `until`, Unix seconds; `until`
-    is None when it did not come back before the session ended.
+    is None when it was still away when the session ended.
     """
 
     part: str
@@ -47,10 +47,10 @@ class ServerAbsence:
 
 @dataclass(frozen=True)
 class SessionEnd:
-    """What is known of a session's end; times are Unix seconds.
+    """The evidence of a session's end; times are Unix seconds.
 
-    `lost_at` is since when the visitor's connection was lost at the end, None when it was not.
-    `close_code` is that of the page's socket when it was closed at the end, None when it was open.
+    `lost_at` is when the visitor's connection was lost for the last time, None if it was connected
+    at the end; `close_code` is that of the page's socket, None if it was open at the end.
     """
 
     outcome: str
@@ -64,14 +64,14 @@ class SessionEnd:
 
 @dataclass(frozen=True)
 class FaultAttribution:
-    """Whose fault it was, and which part of the platform where it was the platform's."""
+    """Whose fault it was, and for the platform which part."""
 
     side: Side = ""
     part: str = ""
 
 
 def fault_of(end: SessionEnd) -> FaultAttribution:
-    """Return whose fault the end of a session was."""
+    """Attribute the end of a session."""
     if end.outcome in {"", "completed"}:
         return FaultAttribution()
     if end.reason in {LEASE_GONE, TERMS_UNREADABLE}:

@@ -1,13 +1,13 @@
 """Who may drive a robot: decisions on plain snapshots, without a clock, a database or a network.
 
-A robot has one lease. Whoever wants it reads a `Scene`, asks `decide_take`, and carries the answer
-out only if the lease still has the epoch that the scene showed (sessions/leases/store.py). The
-epoch therefore grows with every change of the lease, also when it is given up, so that no answer
-can be carried out twice.
+A robot has one lease. To take it, a process reads a `Scene`, calls `decide_take`, and carries the
+answer out only if the lease still has the epoch of the scene (sessions/leases/store.py). The epoch
+grows with every change of the lease, also with its release, so that no answer can be carried out
+twice.
 
-Order is kept by two rules: a free robot is for the first visitor in the queue whose page is there,
-and while a turn is offered to somebody it is for nobody else. What time does to a session stands in
-sessions/leases/transitions.py.
+Two rules keep the order: a free robot goes to the first visitor in the queue whose page is open,
+and while a turn is offered to one visitor, no other can take it. sessions/leases/transitions.py has
+the effects of time.
 
 Times are Unix seconds, durations seconds.
 """
@@ -15,21 +15,22 @@ Times are Unix seconds, durations seconds.
 from dataclasses import dataclass, replace
 from typing import Literal
 
-State = Literal["waiting", "connecting", "driving", "reconnecting"]
-Refusal = Literal["offline", "disabled", "elsewhere", "ended", "closed", "reserved", "full"]
+from sessions.protocol import Refused
 
-# A page's web process says every PAGE_SEEN_EVERY seconds that the page is open; after
-# PAGE_GONE_SECONDS without, it counts as gone.
+State = Literal["waiting", "connecting", "driving", "reconnecting"]
+
+# A page's web process stores every PAGE_SEEN_EVERY seconds that the page is open; after
+# PAGE_GONE_SECONDS without, the page counts as gone.
 PAGE_SEEN_EVERY = 10.0
 PAGE_GONE_SECONDS = 25.0
-# How long a robot is on its way home, for estimates alone.
+# Duration of a return to the dock, for estimates only.
 RETURN_TO_DOCK_SECONDS = 90.0
 
 
 @dataclass(frozen=True)
 class Rules:
-    """How long things take at one robot, in seconds; `idle` is how long a driver may do nothing
-    before being asked, 0 for ever.
+    """Durations at one robot, in seconds. `idle` is how long a driver may do nothing before the
+    page asks whether the driver is there; 0: the page never asks.
     """
 
     turn: float
@@ -50,11 +51,11 @@ class ActiveSession:
     """A session that has not ended. `seen_at` is None when its page has closed its socket, `drove`
     whether it ever moved the robot.
 
-    `turn`, `grace` and `idle` are what its terms say instead of the robot's rules, in seconds;
-    `turn_always` is whether the turn is a limit even while nobody waits, `is_readable` whether its
-    terms could be read.
-    `not_ready` says why the robot is not yet as its terms want it, empty when it is; it is known
-    only of whoever would be next.
+    `turn`, `grace` and `idle` are those of its terms, in seconds, and override the robot's rules;
+    `turn_always` is whether the turn is a limit even while no visitor waits, `is_readable` whether
+    its terms could be read.
+    `not_ready` is why the robot does not yet meet its terms, empty when it does; only the next
+    sessions in the queue have it.
     """
 
     id: str
@@ -79,17 +80,15 @@ class ActiveSession:
         return self.seen_at is not None and now - self.seen_at < PAGE_GONE_SECONDS
 
     def is_left(self, now: float) -> bool:
-        """Tell whether no page drives it, so that any page of its visitor may go on with it. One
-        without a socket may still drive, over the robot's own connection.
+        """Tell whether no page drives it, so that any page of its visitor may resume it. A page
+        without a socket may still drive, over its connection to the robot.
         """
         return self.state == "reconnecting" or (not self.page_open(now) and self.state != "driving")
 
 
 @dataclass(frozen=True)
 class Hold:
-    """The lease: its epoch, and the session and page that it names; the page and epoch of the
-    hidden operator, who drives in a session of such terms.
-    """
+    """The lease: its epoch, session and page, and the hidden operator's page and epoch."""
 
     epoch: int
     session: str | None = None
@@ -100,11 +99,11 @@ class Hold:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that a decision about one robot looks at.
+    """The input of a decision about one robot.
 
-    `pause` says in a word or sentence why the robot is not ready for a session
-    (sessions/leases/readiness.py), empty when it is. `changed_at` is when the lease changed last:
-    whoever asked earlier and waited for it has the robot from then on.
+    `pause` is why the robot is not ready for a session (sessions/leases/readiness.py), empty when
+    it is. `changed_at` is when the lease changed last: a request that was made earlier and waited
+    for this change is granted as of then.
     """
 
     hold: Hold
@@ -116,7 +115,7 @@ class Scene:
 
     @property
     def waits_for(self) -> str:
-        """Why a robot that nobody drives is given to nobody; empty when it would be."""
+        """Why a robot without a driver is given to no visitor; empty when it would be."""
         return self.pause or next(
             (session.not_ready for session in self.queue if session.not_ready), ""
         )
@@ -128,14 +127,12 @@ class Scene:
 
     @property
     def holder(self) -> ActiveSession | None:
-        """The session that the lease names, None when nobody drives or the lease names one that has
-        ended.
-        """
+        """The living session that the lease names, None when there is none."""
         return next((session for session in self.sessions if session.id == self.hold.session), None)
 
     @property
     def queue(self) -> tuple[ActiveSession, ...]:
-        """Everybody who waits, in order."""
+        """The waiting sessions, in order."""
         waiting = [
             session
             for session in self.sessions
@@ -146,11 +143,11 @@ class Scene:
 
 @dataclass(frozen=True)
 class Ask:
-    """A page asks to drive: `peer` is its own id, `session` and `old_peer` are what an earlier
-    grant told this same page.
+    """A page asks to drive: `peer` is its own id, `session` and `old_peer` are from an earlier
+    grant to this same page.
 
-    An `operator` may take a robot that is not ready, before whoever waits for that: somebody has to
-    free it. `not_ready` is as in ActiveSession.
+    An `operator` may take a robot that is not ready, before the visitors who wait for it, in order
+    to free it. `not_ready` is as in ActiveSession.
     """
 
     visitor: str
@@ -164,9 +161,7 @@ class Ask:
 
 @dataclass(frozen=True)
 class Grant:
-    """Give the lease to `session` (None: a new one); `state` is where the session then stands,
-    `returning` whether it held the lease.
-    """
+    """Give the lease to `session` (None: a new one); `returning`: it held the lease before."""
 
     session: str | None
     state: Literal["connecting", "reconnecting"] = "connecting"
@@ -175,15 +170,15 @@ class Grant:
 
 @dataclass(frozen=True)
 class Resume:
-    """The same page is back: epoch and peer stay, a living data channel stays bound."""
+    """The same page is back: it keeps epoch and peer, and with them a living data channel."""
 
     session: str
 
 
 @dataclass(frozen=True)
 class Wait:
-    """`session` (None: a new one) waits at `place`, 1 being next, for about `minutes`; `reason`
-    says why a free robot is not ready.
+    """`session` (None: a new one) waits at `place`, 1 being next, for about `minutes`; `reason` is
+    why a free robot is not ready.
     """
 
     session: str | None
@@ -192,19 +187,13 @@ class Wait:
     reason: str = ""
 
 
-@dataclass(frozen=True)
-class Deny:
-    """No. `session` names the session that is meant, if any."""
-
-    reason: Refusal
-    session: str | None = None
-
-
-def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Resume | Wait | Deny:
+def decide_take(
+    scene: Scene, ask: Ask, rules: Rules, now: float
+) -> Grant | Resume | Wait | Refused:
     """Answer a page that asks to drive."""
     own = next((session for session in scene.sessions if session.visitor == ask.visitor), None)
     if ask.session is not None and (own is None or own.id != ask.session):
-        return Deny("ended", ask.session)
+        return Refused(reason="ended", session=ask.session)
     if own is not None and own is scene.holder:
         return _come_back(scene, own, ask, now)
     is_ready = (
@@ -213,7 +202,7 @@ def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Res
     if is_ready and _may_begin(scene, own, rules, now, operator=ask.operator):
         return Grant(own.id if own else None)
     if own is None and not (scene.enabled and scene.online):
-        return Deny("offline" if scene.enabled else "disabled")
+        return Refused(reason="offline" if scene.enabled else "disabled")
     place = place_in_queue(scene, own.id if own else None, now)
     return Wait(
         own.id if own else None,
@@ -223,12 +212,12 @@ def decide_take(scene: Scene, ask: Ask, rules: Rules, now: float) -> Grant | Res
     )
 
 
-def _come_back(scene: Scene, own: ActiveSession, ask: Ask, now: float) -> Grant | Resume | Deny:
+def _come_back(scene: Scene, own: ActiveSession, ask: Ask, now: float) -> Grant | Resume | Refused:
     """Answer a page of the visitor who holds the lease.
 
-    A reload has closed its socket and remembers its session; a second tab has no session to
-    remember, or copied it from a tab that is still open. So the lease moves when the first page is
-    gone, lost, or gives way to a takeover, and otherwise does not.
+    A reload has closed its socket and remembers its session; a second tab remembers none, or copied
+    it from a tab that is still open. So the lease moves to the new page only when the first page is
+    gone or lost, or when the visitor takes over.
     """
     if scene.hold.peer and (
         ask.peer == scene.hold.peer or (ask.session == own.id and ask.old_peer == scene.hold.peer)
@@ -240,7 +229,7 @@ def _come_back(scene: Scene, own: ActiveSession, ask: Ask, now: float) -> Grant 
             "reconnecting" if own.state in {"driving", "reconnecting"} else "connecting",
             returning=True,
         )
-    return Deny("elsewhere", own.id)
+    return Refused(reason="elsewhere", session=own.id)
 
 
 def _may_begin(
@@ -261,9 +250,7 @@ def _may_begin(
 
 
 def ready(session: ActiveSession, now: float) -> bool:
-    """Tell whether a waiting session can be offered a turn: its page is there and it has not let an
-    offer pass.
-    """
+    """Tell whether the page is open and has no offer, not even one that has lapsed."""
     return session.page_open(now) and session.offered_at is None
 
 
@@ -273,17 +260,15 @@ def offer_alive(session: ActiveSession, rules: Rules, now: float) -> bool:
 
 
 def place_in_queue(scene: Scene, session: str | None, now: float) -> int:
-    """Return the place of a session, or that of one that would join now; 1 is next. A
-    visitor who has closed the page may come back to their place, and is not counted meanwhile.
+    """Return the place of a session, or that of one that would join now; 1 is next. Sessions whose
+    page is closed keep their place, but do not count for others.
     """
     ids = [waiting.id for waiting in scene.queue if waiting.id == session or waiting.page_open(now)]
     return ids.index(session) + 1 if session in ids else len(ids) + 1
 
 
 def minutes_until_turn(scene: Scene, place: int, rules: Rules, now: float) -> float:
-    """Estimate the wait in minutes: what is left of the running turn, and a whole turn for
-    everybody ahead.
-    """
+    """Estimate the wait in minutes: the rest of the turn, and a turn for each visitor ahead."""
     holder = scene.holder
     left = (
         max(0.0, turn_end(holder, rules, now) - now)
@@ -296,11 +281,11 @@ def minutes_until_turn(scene: Scene, place: int, rules: Rules, now: float) -> fl
 
 
 def turn_end(holder: ActiveSession, rules: Rules, now: float) -> float:
-    """Return when the turn ends: if somebody waits, or in any case where it is always limited.
+    """Return when the turn ends if another visitor waits, or in any case if it is always limited.
 
-    It lasts a whole turn from the grant. A visitor who has driven on alone for longer is given the
-    warning time from the moment that somebody waits, so that nobody is stopped without notice; one
-    whose turn is always limited has known its end from the beginning.
+    It lasts a whole turn from the grant. A visitor who has driven alone for longer still gets the
+    warning time from the moment that another visitor waits, so that no drive ends without notice;
+    a turn that is always limited has had a known end from the beginning.
     """
     if holder.turn_ends_at is not None:
         return holder.turn_ends_at

@@ -1,24 +1,23 @@
-"""What happens to a robot between two sessions: it goes home, docks, levels its head, and is free
-when it is fit for the next one.
+"""What a robot does between two sessions: it returns to its dock, levels its head, and is ready
+when it is fit for the next session.
 
-Pure: `decide` looks at what the robot says and at what it was told, and returns how things stand
-now and what to tell it next.
+Pure: `decide` takes the robot's condition and its last order, and returns its readiness and the
+next order.
 
-- A robot that is docked, localized, charged above its limit, looks straight ahead, gives a picture
-  and answers in time is ready.
-- One that is not docked is told to dock, three times with a pause between; then the queue is paused
-  with the robot's reason, and it is tried again every PAUSE seconds, for a door that was closed may
-  be open by then.
-- A docked robot that has lost its place is told where it is; one whose head is tilted is told to
-  level it; an empty one charges. A charge
-  that the robot does not know holds nobody back: waiting would not make it known, and a person at
-      the robot sees its lamp.
-- Last of all it is asked for a picture, which nobody keeps: a camera runs only while somebody
-  looks, so nothing else tells whether it works. A robot that answers later than its driver could
-  steer it waits for a better network, and pauses the queue when that takes long.
-- An emergency stop pauses at once, and so does a stop between visits; whoever releases it has seen
-  to the robot, so all attempts begin anew. A new driver may take a robot that was only stopped
-  (sessions/leases/store.py), which releases it. Nothing is ordered of a robot that is not heard of.
+- A robot is ready when it is docked, localized, charged above its limit, looks straight ahead,
+  takes a picture and answers in time.
+- A robot that is not docked is ordered to dock, three times with a pause between. Then the queue is
+  paused with the robot's reason, and the order is repeated every PAUSE seconds: a door that was
+  closed may be open by then.
+- A docked robot that is not localized gets the pose of its dock; one whose head is tilted is
+  ordered to level it; one with a low battery charges. An unknown charge does not delay a session:
+  waiting would not make it known, and a person at the robot sees its lamp.
+- Finally it is ordered to take a picture, which is not saved: a camera runs only for a viewer, so
+  nothing else shows that it works. A robot that answers too late to be driven waits for a better
+  network, and pauses the queue when that takes long.
+- An emergency stop pauses the queue at once, and so does a stop between sessions. After its release
+  all attempts start again. A new driver may take a robot that was only stopped, which releases the
+  stop (sessions/leases/store.py). A robot that sends no states gets no orders.
 
 Times are seconds of a monotonic clock.
 """
@@ -31,12 +30,12 @@ from robots.api.messages import ENDED
 Phase = Literal["ready", "returning", "charging", "paused"]
 Kind = Literal["dock", "level", "relocalize", "picture"]
 
-# how the ids of what is ordered between sessions begin: none of it belongs into anybody's record
+# Prefix of the ids of orders between sessions, which belong into no session's record.
 ORDERED = "home-"
 ATTEMPTS = 3
 AGAIN = 5.0
 PAUSE = 120.0
-STOPPED = "stopped"  # the reason of a pause: somebody stopped the robot between two visits
+STOPPED = "stopped"  # the reason of a pause: the robot was stopped between two sessions
 LATE = 30.0  # seconds of a bad network after which the queue is paused
 LONGEST = {"dock": 300.0, "level": 15.0, "relocalize": 60.0, "picture": 15.0}
 LEVEL = 0.03  # rad
@@ -44,32 +43,24 @@ LEVEL = 0.03  # rad
 
 @dataclass(frozen=True)
 class RobotCondition:
-    """What the robot says of itself.
+    """What the robot reports of itself."""
 
-    `heard` is false when its last state is too old to go by, `level` when its head looks elsewhere,
-    `prompt` when it answers too late to be driven, and `let_go` while its last driver's lease still
-    holds there. `stopped` tells that a stop keeps it where it is, `sees` whether it has a camera.
-    `charge` is None when unknown.
-    """
-
-    heard: bool = True
-    let_go: bool = True
-    prompt: bool = True
-    sees: bool = False
+    is_current: bool = True  # its last state is recent enough to decide by
+    driver_released: bool = True  # the lease of its last driver is over at the robot, too
+    is_responsive: bool = True  # it answers quickly enough to be driven
+    has_camera: bool = False
     estop: bool = False
-    stopped: bool = False
+    stopped: bool = False  # a stop keeps it where it is
     docked: bool = False
     localized: bool = True
-    level: bool = True
-    charge: float | None = None
+    head_is_level: bool = True
+    charge: float | None = None  # 0 to 1; None when unknown
     charge_limit: float = 0.0
 
 
 @dataclass(frozen=True)
 class Order:
-    """What the robot was told at `at`, and how far that is: `status` and `reason` as in
-    ActionStatus, empty before any answer.
-    """
+    """An action sent at `at`; `status` and `reason` of its last ActionStatus, if any."""
 
     action_id: str
     kind: Kind
@@ -78,16 +69,14 @@ class Order:
     reason: str = ""
 
     def is_over(self, now: float) -> bool:
-        """Tell whether it has ended, or will never."""
+        """Tell whether it has ended, or has taken longer than it ever should."""
         return self.status in ENDED or now - self.at > LONGEST[self.kind]
 
 
 @dataclass(frozen=True)
 class Readiness:
-    """How things stand. `reason` says in one word or sentence what is waited for, `tried_at` when
-    the last attempt ended.
-
-    `seen` tells whether a picture came since it is home, `late_since` since when it has answered
+    """How far the robot is. `reason` is what it waits for, `tried_at` when the last attempt ended,
+    `seen` whether it has taken a picture since it docked, `late_since` since when it has answered
     too late.
     """
 
@@ -103,14 +92,14 @@ class Readiness:
 def decide(
     turnaround: Readiness, condition: RobotCondition, now: float
 ) -> tuple[Readiness, Kind | None]:
-    """Return how things stand now, and what the robot is to be told, if anything."""
-    if not condition.heard:
+    """Return the readiness now, and the next order, if any."""
+    if not condition.is_current:
         return replace(turnaround, reason="offline"), None
     if condition.estop:
         return Readiness("paused", "estop"), None
     if condition.stopped:
         return Readiness("paused", STOPPED), None
-    turnaround = _looked_at(turnaround)
+    turnaround = _note_picture(turnaround)
     if (
         turnaround.order is not None
         and not turnaround.order.is_over(now)
@@ -118,12 +107,12 @@ def decide(
     ):
         return turnaround, None
     if condition.docked:
-        return _at_home(turnaround, condition, now)
-    return _try(replace(turnaround, seen=False, late_since=None), "dock", now)
+        return _when_docked(turnaround, condition, now)
+    return _attempt(replace(turnaround, seen=False, late_since=None), "dock", now)
 
 
-def _looked_at(turnaround: Readiness) -> Readiness:
-    """Note that a picture came; one that is too large to be sent is a picture, too."""
+def _note_picture(turnaround: Readiness) -> Readiness:
+    """Note that the robot took a picture, if only one that was too large to be sent."""
     order = turnaround.order
     if (
         order is None
@@ -137,31 +126,35 @@ def _looked_at(turnaround: Readiness) -> Readiness:
 def _is_done(kind: Kind, condition: RobotCondition) -> bool:
     return {
         "dock": condition.docked,
-        "level": condition.level,
+        "level": condition.head_is_level,
         "relocalize": condition.localized,
         "picture": False,
     }[kind]
 
 
-def _at_home(
+def _when_docked(
     turnaround: Readiness, condition: RobotCondition, now: float
 ) -> tuple[Readiness, Kind | None]:
     missing: Kind | None = (
-        "relocalize" if not condition.localized else "level" if not condition.level else None
+        "relocalize"
+        if not condition.localized
+        else "level"
+        if not condition.head_is_level
+        else None
     )
     if missing is not None:
-        return _try(turnaround, missing, now)
+        return _attempt(turnaround, missing, now)
     if condition.charge is not None and condition.charge < condition.charge_limit:
         return Readiness("charging", "charging"), None
-    if not condition.prompt:
+    if not condition.is_responsive:
         return _wait_for_network(turnaround, now), None
     turnaround = replace(turnaround, late_since=None)
-    if condition.sees and not turnaround.seen:
-        # A robot that still believes in its last driver would take the picture for that driver's
-        # record.
+    if condition.has_camera and not turnaround.seen:
+        # A robot that still holds its last driver's lease would take the picture for the record of
+        # that session.
         return (
-            _try(turnaround, "picture", now)
-            if condition.let_go
+            _attempt(turnaround, "picture", now)
+            if condition.driver_released
             else (replace(turnaround, phase="returning", reason="picture"), None)
         )
     return Readiness("ready"), None
@@ -181,8 +174,8 @@ def _wait_for_network(turnaround: Readiness, now: float) -> Readiness:
     )
 
 
-def _try(turnaround: Readiness, kind: Kind, now: float) -> tuple[Readiness, Kind | None]:
-    """Note how the last attempt ended, and begin another when it is time."""
+def _attempt(turnaround: Readiness, kind: Kind, now: float) -> tuple[Readiness, Kind | None]:
+    """Note how the last attempt ended, and begin another when it is due."""
     order = turnaround.order
     if order is not None and order.kind == kind:
         reason = order.reason or ("no_answer" if not order.status else "failed")

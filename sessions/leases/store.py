@@ -9,15 +9,15 @@ What a consumer calls, each through consumers/database.py:
 
 - `take` for `session/take`. On `TakeGranted` publish `granted.lease` (retained) at once; the
   session manager renews it.
-- `seen`, through consumers/last_seen.py, every `leases.PAGE_SEEN_EVERY` seconds while the page's
-  socket is open with a session; `take` says it, too;
-- `page_gone` when the socket closes: the session goes on for as long as its heartbeat or its grace
-  period lasts;
+- `seen`, through consumers/last_seen.py, every `policy.PAGE_SEEN_EVERY` seconds while the page's
+  socket is open with a session; `take` calls it, too.
+- `page_gone` when the socket closes: the session continues for as long as its heartbeat or its
+  grace period lasts.
 - `leave` for `session/leave`. On True publish an empty retained lease if the page was driving, and
-  the news `ended`.
+  the notice `ended`.
 
-Sessions are always read before the lease and changed before it is released: whoever reads in
-between sees a lease that names an ended session, which counts as free, and never a session that
+Sessions are always read before the lease and changed before it is released. A reader in between
+therefore sees a lease that names an ended session, which counts as free, and never a session that
 seems to have lost its lease.
 """
 
@@ -42,10 +42,8 @@ from sessions.leases.policy import (
     PAGE_GONE_SECONDS,
     ActiveSession,
     Ask,
-    Deny,
     Grant,
     Hold,
-    Refusal,
     Resume,
     Rules,
     Scene,
@@ -56,17 +54,19 @@ from sessions.leases.policy import (
 from sessions.leases.readiness import STOPPED
 from sessions.leases.terms import FREE, Terms, UnreadableTerms
 from sessions.models import AT_THE_WHEEL, Lease, Session
+from sessions.protocol import Queued, Refused
 
 LIVE = (Session.State.WAITING, *AT_THE_WHEEL)
 # Every failed attempt means that another process changed the lease in between, so that this bound
-# is never met by chance.
+# is never reached by chance.
 ATTEMPTS = 200
-# the reason of a session that ended because the visitor began another one, on somebody's terms
-BEGINS_ANEW = "begins_anew"
-CLOSED = 1001  # the code of a page that was closed or left
+CLOSED = 1001  # the close code of a page that was closed or left
 REASON_LENGTH = 300  # of robots.api.messages.Reason
-HELD = "held"  # of a robot whose visits somebody has paused
-LEFT_QUEUE = "left_queue"  # the reason of a session that ended before it had the robot
+HELD = "held"  # the pause of a robot that its owner has reserved
+# Reasons of ended sessions: the visitor began another one on a study's terms; the session ended
+# before it had the robot.
+BEGINS_ANEW = "begins_anew"
+LEFT_QUEUE = "left_queue"
 
 
 class LeaseContention(RuntimeError):
@@ -75,11 +75,8 @@ class LeaseContention(RuntimeError):
 
 @dataclass(frozen=True)
 class TakeGranted:
-    """The page drives. `resumed`: epoch and peer are those of before; `turn_seconds` is None while
-    nobody else waits.
-
-    `terms` are those of the session, `shown` what there is to see of its task
-    (sessions/leases/terms.py).
+    """The page drives. `resumed`: epoch and peer are unchanged; `turn_seconds` is None while no
+    other visitor waits. For `terms` and `shown`, the task's data, see sessions/leases/terms.py.
     """
 
     session: str
@@ -92,28 +89,7 @@ class TakeGranted:
     shown: dict[str, Any] = field(default_factory=dict)
 
 
-@dataclass(frozen=True)
-class TakeQueued:
-    """The page waits at `place` (1 is next) for about `minutes`; `reason` says why a free robot is
-    not ready.
-    """
-
-    session: str
-    place: int
-    minutes: float
-    reason: str = ""
-
-
-@dataclass(frozen=True)
-class TakeRefused:
-    """No; `reason` is one of sessions.protocol.Refused."""
-
-    reason: Refusal
-    session: str | None = None
-    since: float | None = None
-
-
-Taken = TakeGranted | TakeQueued | TakeRefused
+Taken = TakeGranted | Queued | Refused
 
 
 def is_study(session: str) -> bool:
@@ -122,7 +98,7 @@ def is_study(session: str) -> bool:
     return row is not None and bool(terms.of(row).study)
 
 
-def take(  # noqa: D417 -- the rest is what the page said
+def take(  # noqa: D417 -- the rest is what the page sent
     robot: Robot,
     visitor: User,
     peer: str,
@@ -133,15 +109,15 @@ def take(  # noqa: D417 -- the rest is what the page said
     device: dict[str, Any] | None = None,
     now: datetime.datetime,
 ) -> Taken:
-    """Give the robot to a page, put it in the queue, or say why not.
+    """Give the robot to a page, put the page in the queue, or refuse.
 
-    Whether this visitor may drive this robot at all was asked before (robots/access.py).
+    The caller has checked that this visitor may drive this robot at all (robots/access.py).
 
     Args:
         robot: freshly read, because presence and limits are taken from it.
         visitor: who asks.
         peer: the id that the server made for this page's connection.
-        device: what sessions.devices.device_of said, kept with a new session.
+        device: from sessions.devices.device_of, saved with a new session.
         now: aware.
 
     Raises:
@@ -169,7 +145,7 @@ def take(  # noqa: D417 -- the rest is what the page said
 
 @dataclass(frozen=True)
 class _Asker:
-    """The page that asks, with everything that carrying out an answer needs."""
+    """The page that asks, with everything that is needed to carry out the answer."""
 
     robot: Robot
     visitor: User
@@ -178,14 +154,16 @@ class _Asker:
     now: datetime.datetime
 
 
-def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Asker) -> Taken | None:
-    """Return what the page is told, or None when another process was quicker and the question must
-    be asked again.
-    """
+def _carry_out(
+    decision: Grant | Resume | Wait | Refused, scene: Scene, asker: _Asker
+) -> Taken | None:
+    """Return the answer, or None when another process was quicker, to decide again."""
     match decision:
-        case Deny(reason, session):
-            own = Session.objects.filter(pk=session).first() if reason == "elsewhere" else None
-            return TakeRefused(reason, session, began(own))
+        case Refused(reason="elsewhere", session=session):
+            own = Session.objects.filter(pk=session).first()
+            return msgspec.structs.replace(decision, since=began(own))
+        case Refused():
+            return decision
         case Resume(session):
             seen({session}, asker.now)
             return _granted(scene, scene.hold, asker, resumed=True)
@@ -194,23 +172,20 @@ def _carry_out(decision: Grant | Resume | Wait | Deny, scene: Scene, asker: _Ask
             if session is None:
                 return None
             seen({session}, asker.now)
-            return TakeQueued(session, place, minutes, reason)
+            return Queued(session=session, place=place, minutes=minutes, reason=reason)
         case Grant():
             return _grant(decision, scene, asker)
 
 
 def _join(asker: _Asker) -> str | None:
-    """Make a waiting session, or return None when the visitor has got one meanwhile, from another
-    tab.
-    """
-    key = live_key(asker.robot, asker.visitor)
+    """Create a waiting session; None when another tab of the visitor has just created one."""
     try:
-        # only so that PostgreSQL survives the refusal within a caller's transaction
+        # so that PostgreSQL survives the refusal within a caller's transaction
         with transaction.atomic():
             made = Session.objects.create(
                 robot=asker.robot,
                 visitor=asker.visitor,
-                live_key=key,
+                live_key=live_key(asker.robot, asker.visitor),
                 queued_at=asker.now,
                 seen_at=asker.now,
                 device=asker.device,
@@ -220,7 +195,17 @@ def _join(asker: _Asker) -> str | None:
     return str(made.pk)
 
 
-def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | TakeRefused | None:
+def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | Refused | None:
+    """Give the robot to the asking visitor; None when the caller is to read the scene and decide
+    again.
+
+    Every step can race with another page or the session manager:
+
+    1. The visitor may have got a session from another tab (`_join`).
+    2. The lease may have changed since the scene was read: it is compared and set by its epoch.
+    3. The terms may refuse the session, which then ends as cancelled and so frees the robot.
+    4. The session may have ended since step 2; the lease that names it is then released again.
+    """
     session = _join(asker) if grant.session is None else grant.session
     if session is None:
         return None
@@ -240,7 +225,7 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | TakeRefus
         fix_terms(session, asker.now)
     except terms.NotGranted as refusal:
         end(session, Session.Outcome.CANCELLED, str(refusal), asker.now)
-        return TakeRefused(str(refusal), session)  # type: ignore[arg-type]
+        return Refused(reason=str(refusal), session=session)  # type: ignore[arg-type]
     changes: dict[str, Any] = {
         "state": grant.state,
         "seen_at": asker.now,
@@ -248,26 +233,27 @@ def _grant(grant: Grant, scene: Scene, asker: _Asker) -> TakeGranted | TakeRefus
     }
     if not grant.returning:
         changes |= {
-            "granted_at": max(asker.now, _moment(scene.changed_at)),
+            "granted_at": max(
+                asker.now, datetime.datetime.fromtimestamp(scene.changed_at, datetime.UTC)
+            ),
             "offered_at": None,
             "turn_ends_at": None,
         }
-    if not Session.objects.filter(pk=session, state__in=LIVE).update(**changes):
-        # it was ended from another tab meanwhile
-        change_lease(asker.robot, hold.epoch, session=None, peer="", now=asker.now)
+    if not update_living(session, changes):  # another tab has ended it
+        change_lease(asker.robot, hold.epoch, now=asker.now)
         return None
     return _granted(scene, hold, asker, resumed=False)
 
 
 def fix_terms(session: str, now: datetime.datetime) -> None:
-    """Store the terms of a session that has just got the robot. Before its state says so: until
-    then no renewed lease tells the robot of it.
+    """Store the terms of a session that has just got the robot, before its state changes: until
+    then no renewed lease reaches the robot.
 
-    Asked for again until the session has moved the robot, for whoever asked first may not have
-    lived to store them.
+    Terms are requested again until the session has moved the robot, because the process that
+    requested them first may have died before it stored them.
 
     Raises:
-        NotGranted: there are none on which it could go.
+        NotGranted: the session must not begin.
     """
     row = Session.objects.select_related("robot", "visitor").get(pk=session)
     if row.terms or row.first_motion_at is not None:
@@ -283,92 +269,97 @@ def fix_terms(session: str, now: datetime.datetime) -> None:
 
 
 def _assistance_to_begin_with(row: Session) -> str:
-    """Return the assistance that a visitor has who has not chosen any yet, on a robot that could
-    assist and by itself does not: the one that they had last, and at first one that stops at
-    obstacles. Empty for the robot's own level.
+    """Return the assistance of a visitor who has not chosen any in this session, on a robot whose
+    own level is off although it can assist: the visitor's last level, and in a first drive one that
+    stops at obstacles. Empty for the robot's own level.
     """
     robot = row.robot
     can_assist = "assist" in (robot.presence.factsheet or {}).get("capabilities", ())
     if row.assist or robot.assist != Robot.DriveAssist.OFF or not can_assist:
         return ""
-    driven = Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False)
-    had = driven.exclude(assist="").order_by("first_motion_at").values_list("assist", flat=True)
-    return had.last() or ("" if driven.exists() else Robot.DriveAssist.SLOW)
+    drives = Session.objects.filter(visitor=row.visitor, first_motion_at__isnull=False)
+    levels = drives.exclude(assist="").order_by("first_motion_at").values_list("assist", flat=True)
+    return levels.last() or ("" if drives.exists() else Robot.DriveAssist.SLOW)
 
 
 def _granted(scene: Scene, hold: Hold, asker: _Asker, *, resumed: bool) -> TakeGranted:
+    """Return the grant of a lease that has just been read or set as `hold`. It is not read again:
+    another process may have changed it since, and this page would get that one's epoch.
+    """
     assert hold.session is not None
     session, now, key = Session.objects.get(pk=hold.session), asker.now.timestamp(), hold.session
-    fixed = terms.of(session)
+    session.visitor, fixed = asker.visitor, terms.of(session)
     before = next((each for each in scene.sessions if each.id == key and each.granted_at), None)
     holder = before or ActiveSession(
         key, str(asker.visitor.pk), "connecting", now, granted_at=now, turn=fixed.turn_seconds
     )
     limited = fixed.turn_always or any(waiting.id != key for waiting in scene.queue)
     turn_seconds = max(0.0, turn_end(holder, rules_of(asker.robot), now) - now) if limited else None
-    renewal = (
-        Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot) if resumed else 0
+    row = Lease(
+        robot=asker.robot,
+        session=session,
+        epoch=hold.epoch,
+        peer=hold.peer,
+        wizard_peer=hold.wizard_peer,
+        wizard_epoch=hold.wizard_epoch,
     )
-    who = asker.visitor.sent_name
-    lease = lease_message(
-        asker.robot, who, hold, renewal=renewal, stamp=now, assist=session.assist, fixed=fixed
-    )
+    if resumed:
+        row.renewal = Lease.objects.values_list("renewal", flat=True).get(robot=asker.robot)
+    lease = message_of(row, asker.now)
     return TakeGranted(
         key, hold.epoch, hold.peer, resumed, turn_seconds, lease, fixed, terms.shown(key)
     )
 
 
-def set_assist(session: str, level: str, *, peer: str) -> tuple[Hold, int] | None:
-    """Note what the driver chose, and return the lease and its next renewal; None when this page
-    does not drive any more.
+def set_assist(session: str, level: str, *, peer: str) -> Lease | None:
+    """Store the driver's choice, and return the lease under its next renewal number; None when this
+    page does not drive any more.
 
-    Whether the driver has a choice was asked before (sessions/consumers/queries.py).
+    The caller has checked that the driver has a choice (sessions/consumers/queries.py).
     """
-    drives = Lease.objects.filter(session_id=session, peer=peer)
-    if not drives.exists():
+    held = Lease.objects.filter(session_id=session, peer=peer)
+    if not held.exists() or not update_living(session, {"assist": level}):
         return None
-    if not Session.objects.filter(pk=session, state__in=LIVE).update(assist=level):
-        return None
-    while (lease := drives.first()) is not None:
-        if renewal := count_renewal(lease, lease.renewal + 1):
-            return hold_of(lease), renewal
+    while (lease := held.select_related("robot", "session__visitor").first()) is not None:
+        if count_renewal(lease, lease.renewal + 1):
+            return lease
     return None
 
 
-def count_renewal(lease: Lease, renewal: int, *only_if: Q) -> int | None:
-    """Store the number of the next copy of a lease and return it; None when the lease has changed
-    since it was read. No two copies get one number: of two, the robot ignores what came last.
+def count_renewal(lease: Lease, renewal: int, *only_if: Q) -> bool:
+    """Store the number of the next copy of a lease; False when the lease has changed since it was
+    read. No two copies get one number: the robot would ignore the second.
     """
     same = Lease.objects.filter(
         *only_if, robot=lease.robot_id, epoch=lease.epoch, renewal=lease.renewal
     )
-    return renewal if same.update(renewal=renewal) else None
+    if not same.update(renewal=renewal):
+        return False
+    lease.renewal = renewal
+    return True
+
+
+def update_living(session: str, changes: dict[str, Any], **only_if: Any) -> bool:
+    """Change a session that has not ended and meets these conditions; False when there is none."""
+    living = Session.objects.filter(pk=session, state__in=LIVE, **only_if)
+    return bool(living.update(**changes))
 
 
 def seen(sessions: Collection[str], now: datetime.datetime) -> set[str]:
-    """Note that a page of each of these sessions is open; return those that have not ended."""
-    found = list(
-        Session.objects.filter(pk__in=sessions, state__in=LIVE).values_list(
-            "pk", "state", "lost_at"
-        )
-    )
-    live = [key for key, _, _ in found]
-    # A waiting session has no other sign of life: its page is what was lost, and is back.
-    if back := [
-        key
-        for key, state, lost_at in found
-        if state == Session.State.WAITING and lost_at is not None
-    ]:
-        Session.objects.filter(pk__in=back, state=Session.State.WAITING).update(lost_at=None)
-    if live:
-        Session.objects.filter(pk__in=live, state__in=LIVE).update(seen_at=now)
-    return {str(key) for key in live}
+    """Store that a page of each of these sessions is open; return those that have not ended."""
+    living = Session.objects.filter(pk__in=sessions, state__in=LIVE)
+    found = list(living.values_list("pk", "state", "lost_at"))
+    waiting = Session.State.WAITING
+    # The connection of a waiting session is its page, and that is open again.
+    if back := [key for key, state, lost_at in found if state == waiting and lost_at is not None]:
+        Session.objects.filter(pk__in=back, state=waiting).update(lost_at=None)
+    if found:
+        living.update(seen_at=now)
+    return {str(key) for key, _, _ in found}
 
 
 def page_gone(session: str, peer: str, now: datetime.datetime, code: int = CLOSED) -> None:
-    """Note that a page closed its socket, with the code of its end; ignored when another page of
-    the visitor has taken over.
-    """
+    """Store that a page closed its socket, unless another page has taken over."""
     if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
         return
     living = Session.objects.filter(pk=session, state__in=LIVE)
@@ -379,12 +370,11 @@ def page_gone(session: str, peer: str, now: datetime.datetime, code: int = CLOSE
 
 
 def leave(session: str, *, peer: str, now: datetime.datetime) -> bool:
-    """End a session because its page says so: completed when the robot was driven and its terms ask
-    for no more, cancelled otherwise.
+    """End a session at the request of its page: completed when the robot was driven and the terms
+    require no more, cancelled otherwise.
 
     Returns:
-        False when nothing was ended: the session is over, or has moved to another page of the
-            visitor.
+        False when the session was over, or has moved to another page of the visitor.
     """
     if Lease.objects.filter(session_id=session).exclude(peer=peer).exists():
         return False
@@ -393,10 +383,9 @@ def leave(session: str, *, peer: str, now: datetime.datetime) -> bool:
         return False
     if row.state == Session.State.WAITING:
         return end(session, Session.Outcome.CANCELLED, LEFT_QUEUE, now)
-    completed = row.first_motion_at is not None and terms.of(row).leaving_completes
-    return end(
-        session, Session.Outcome.COMPLETED if completed else Session.Outcome.CANCELLED, "left", now
-    )
+    completes = row.first_motion_at is not None and terms.of(row).leaving_completes
+    outcome = Session.Outcome.COMPLETED if completes else Session.Outcome.CANCELLED
+    return end(session, outcome, "left", now)
 
 
 def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_if: Any) -> bool:
@@ -404,38 +393,28 @@ def end(session: str, outcome: str, reason: str, now: datetime.datetime, **only_
 
     `only_if` are further conditions on the row, of a caller who decided on an earlier reading.
     """
-    _send_home(session, now)  # before the robot is free, so that nobody takes it on its way
-    ended = (
-        Session.objects.filter(pk=session, state__in=LIVE)
-        .filter(**only_if)
-        .update(
-            state=Session.State.ENDED,
-            outcome=outcome,
-            outcome_reason=reason,
-            live_key=str(session),
-            ended_at=now,
-            turn_ends_at=None,
-            offered_at=None,
-        )
-    )
-    if ended:
-        for lease in Lease.objects.filter(session_id=session).select_related("robot"):
-            change_lease(lease.robot, lease.epoch, session=None, peer="", now=now)
-    return bool(ended)
-
-
-def _send_home(session: str, now: datetime.datetime) -> None:
-    """Have the robot that a session holds return before it is anybody's; the session manager undoes
-    this for one that is still driven.
-    """
+    # Before the robot is free, so that no visitor takes it on its way to the dock. If the session
+    # does not end, the session manager undoes this for a robot that is still driven.
     for lease in Lease.objects.filter(session_id=session).select_related("robot"):
         send_home(lease.robot, now)
+    changes = {
+        "state": Session.State.ENDED,
+        "outcome": outcome,
+        "outcome_reason": reason,
+        "live_key": str(session),
+        "ended_at": now,
+        "turn_ends_at": None,
+        "offered_at": None,
+    }
+    if not update_living(session, changes, **only_if):
+        return False
+    for lease in Lease.objects.filter(session_id=session).select_related("robot"):
+        change_lease(lease.robot, lease.epoch, now=now)
+    return True
 
 
 def send_home(robot: Robot, now: datetime.datetime) -> bool:
-    """Have a robot go home before anybody gets it; False when it does not do that, or is on its way
-    already.
-    """
+    """Have a robot return to its dock; False when it never does, or already returns."""
     if not robot.can_go_home:
         return False
     ready = RobotPresence.objects.filter(robot=robot, turnaround=Robot.Turnaround.READY)
@@ -450,14 +429,14 @@ def change_lease(
     robot: Robot,
     epoch: int,
     *,
-    session: str | None,
-    peer: str,
+    session: str | None = None,
+    peer: str = "",
     now: datetime.datetime,
     wizard_stays: bool = False,
 ) -> bool:
-    """Change the lease if its epoch is still this one; the only statement that ever does.
-
-    A hidden operator is one of a session: `wizard_stays` when the same session goes on.
+    """Give the lease to a page of a session, or by default release it, if its epoch is still this
+    one; no other statement ever does. `wizard_stays` keeps the hidden operator, when the same
+    session continues.
     """
     changed = Lease.objects.filter(robot=robot, epoch=epoch)
     wizard: dict[str, Any] = {} if wizard_stays else {"wizard_peer": "", "wizard": None}
@@ -469,7 +448,7 @@ def change_lease(
 
 
 def hold_of(lease: Lease) -> Hold:
-    """Return what a lease's row says."""
+    """Return the snapshot of a lease's row."""
     return Hold(
         lease.epoch,
         str(lease.session_id) if lease.session_id else None,
@@ -480,12 +459,12 @@ def hold_of(lease: Lease) -> Hold:
 
 
 def live_key(robot: Robot, visitor: User) -> str:
-    """Return what makes a visitor's living session at a robot the only one."""
+    """Return `Session.live_key`: a visitor has one living session at a robot."""
     return f"{robot.pk}:{visitor.pk}"
 
 
 def rules_of(robot: Robot) -> Rules:
-    """Return how long things take at this robot."""
+    """Return the durations of this robot, from its own settings and the site's."""
     minutes = robot.turn_minutes if robot.turn_minutes is not None else settings.TURN_MINUTES
     return Rules(
         turn=minutes * 60.0,
@@ -496,54 +475,42 @@ def rules_of(robot: Robot) -> Rules:
     )
 
 
-def lease_message(
-    robot: Robot,
-    who: str,
-    hold: Hold,
-    *,
-    renewal: int,
-    stamp: float,
-    assist: str = "",
-    fixed: Terms = FREE,
-) -> m.Lease:
-    """Return what the robot is told of a lease that somebody holds.
-
-    `assist` is what the visitor chose, if anything; `fixed` are the terms of the session, which go
-    before it.
-    """
-    assert hold.session is not None
-    limits = m.LeaseLimits(
-        linear=_least(robot.max_linear, fixed.linear),
-        angular=_least(robot.max_angular, fixed.angular),
-    )
-    lease = m.Lease(
-        session=hold.session,
-        epoch=hold.epoch,
-        peer=hold.peer,
-        who=who[:120],
-        renewal=renewal,
-        stamp=stamp,
+def message_of(lease: Lease, now: datetime.datetime) -> m.Lease:
+    """Return the message of a held lease; terms override the robot's and visitor's settings."""
+    robot, session = lease.robot, lease.session
+    assert session is not None
+    fixed = terms.of(session)
+    message = m.Lease(
+        session=str(session.pk),
+        epoch=lease.epoch,
+        peer=lease.peer,
+        who=session.visitor.sent_name[:120],
+        renewal=lease.renewal,
+        stamp=now.timestamp(),
         ttl=settings.LEASE_TTL_SECONDS,
-        limits=limits,
-        assist=fixed.assist or assist or None,
+        limits=m.LeaseLimits(
+            linear=_least(robot.max_linear, fixed.linear),
+            angular=_least(robot.max_angular, fixed.angular),
+        ),
+        assist=fixed.assist or session.assist or None,
         methods=fixed.controllers,
         ways=None if fixed.control_way == "any" else (fixed.control_way,),
         actions=fixed.actions,
         private=fixed.private,
     )
-    return lease if fixed.driver == "visitor" else _for_wizard(lease, hold)
+    return message if fixed.driver == "visitor" else _for_wizard(message, lease)
 
 
-def _for_wizard(lease: m.Lease, hold: Hold) -> m.Lease:
-    """Return the lease of a session in which a hidden operator drives: limits and assistance hold
-    for them too, what else is fixed is the visitor's. The operator's commands come by the server
-    alone, which records them as parts of the script or as deviations.
+def _for_wizard(message: m.Lease, lease: Lease) -> m.Lease:
+    """Return the lease of a session that a hidden operator drives. Limits and assistance apply to
+    the operator, too; input methods and actions are restricted for the visitor alone. The
+    operator's commands pass through the server, which records them as script or as deviations.
     """
     return msgspec.structs.replace(
-        lease,
+        message,
         kind="wizard",
-        wizard=hold.wizard_peer or None,
-        wizard_epoch=hold.wizard_epoch,
+        wizard=lease.wizard_peer or None,
+        wizard_epoch=lease.wizard_epoch,
         methods=None,
         ways=("mqtt",),
         actions=None,
@@ -555,51 +522,46 @@ def _least(*limits: float | None) -> float | None:
 
 
 def load_scene(robot: Robot, now: datetime.datetime) -> Scene:
-    """Read what a decision about the robot looks at."""
+    """Read the scene of one robot."""
     return load_scenes([robot], now)[robot.pk]
 
 
 def load_scenes(robots: Sequence[Robot], now: datetime.datetime) -> dict[Any, Scene]:
-    """Read what decisions about robots look at, by the robots' keys, in as many queries as for one:
-    sessions first, then leases (see the top).
-    """
+    """Read scenes by the robots' keys: sessions first, then leases (see the top)."""
     keys = [robot.pk for robot in robots]
-    active: dict[Any, dict[str, ActiveSession]] = {key: {} for key in keys}
-    sessions: dict[str, Session] = {}
-    for session in Session.objects.filter(robot__in=keys, state__in=LIVE).defer(
-        "device", "summary"
-    ):
-        active[session.robot_id][str(session.pk)], sessions[str(session.pk)] = (
-            session_of(session),
-            session,
-        )
+    living = Session.objects.filter(robot__in=keys, state__in=LIVE).defer("device", "summary")
+    sessions = {session.pk: session for session in living}
     leases = {lease.robot_id: lease for lease in Lease.objects.filter(robot__in=keys)}
-    # Whoever has a robot and was not among them perhaps began after they were read.
-    late = [
-        lease.session_id
-        for key, lease in leases.items()
-        if lease.session_id and str(lease.session_id) not in active[key]
-    ]
-    for session in Session.objects.filter(pk__in=late, state__in=LIVE) if late else ():
-        active[session.robot_id][str(session.pk)] = session_of(session)
+    # A session that holds a robot and was not read began after the sessions were read.
+    holding = {lease.session_id for lease in leases.values() if lease.session_id}
+    if late := holding - sessions.keys():
+        newer = Session.objects.filter(pk__in=late, state__in=LIVE)
+        sessions |= {session.pk: session for session in newer}
+    active: dict[Any, list[ActiveSession]] = {key: [] for key in keys}
+    for session in sessions.values():
+        active[session.robot_id].append(session_of(session))
     pauses = _pauses_of(keys)
-    scenes = {
-        robot.pk: _scene(
-            robot,
-            leases.get(robot.pk),
-            tuple(active[robot.pk].values()),
+    scenes = {}
+    for robot in robots:
+        lease = leases.get(robot.pk)
+        scene = Scene(
+            Hold(0) if lease is None else hold_of(lease),
+            tuple(active[robot.pk]),
+            robot.enabled,
+            robot.is_online(now),
             pauses.get(robot.pk, ""),
-            now,
+            0.0 if lease is None else lease.changed_at.timestamp(),
         )
-        for robot in robots
-    }
-    return {robot.pk: _asked_if_ready(scenes[robot.pk], robot, sessions, now) for robot in robots}
+        scenes[robot.pk] = _with_needs(scene, robot, sessions, now)
+    return scenes
 
 
-def _asked_if_ready(
-    scene: Scene, robot: Robot, sessions: dict[str, Session], now: datetime.datetime
+def _with_needs(
+    scene: Scene, robot: Robot, sessions: dict[Any, Session], now: datetime.datetime
 ) -> Scene:
-    """Ask for whoever would be next whether a free robot is as they need it."""
+    """Add why a free robot does not yet meet the terms of the session that would be next, and of
+    those that it is offered to.
+    """
     if scene.holder is not None or not scene.ready:
         return scene
     open_now = [each for each in scene.queue if each.page_open(now.timestamp())]
@@ -608,9 +570,9 @@ def _asked_if_ready(
         for each in (*open_now[:1], *(each for each in open_now if each.offered_at is not None))
     }
     why = {
-        key: terms.not_ready(sessions[key].visitor, robot, now)
-        for key in next_ones
-        if key in sessions
+        str(key): terms.not_ready(session.visitor, robot, now)
+        for key, session in sessions.items()
+        if str(key) in next_ones
     }
     return replace(
         scene,
@@ -618,26 +580,9 @@ def _asked_if_ready(
     )
 
 
-def _scene(
-    robot: Robot,
-    lease: Lease | None,
-    active: tuple[ActiveSession, ...],
-    pause: str,
-    now: datetime.datetime,
-) -> Scene:
-    online = robot.is_online(now)
-    if lease is None:
-        return Scene(Hold(0), active, robot.enabled, online, pause)
-    return Scene(hold_of(lease), active, robot.enabled, online, pause, lease.changed_at.timestamp())
-
-
-def _moment(unix: float) -> datetime.datetime:
-    return datetime.datetime.fromtimestamp(unix, datetime.UTC)
-
-
 def pause_of(robot: Robot) -> str:
-    """Return why a robot is not ready for a session, empty when it is; read anew, because another
-    process may just have sent it home.
+    """Return why a robot is not ready for a session, empty when it is; read from the database,
+    because another process may just have sent it to its dock.
     """
     return _pauses_of([robot.pk]).get(robot.pk, "")
 
@@ -650,15 +595,15 @@ def _pauses_of(keys: Sequence[Any]) -> dict[Any, str]:
 
 
 def _pause(report: Any, held: str, returns: bool, phase: str, reason: str) -> str:
-    """Say why nobody gets a robot, that nobody can drive as it is first: who is called to one that
-    stands still has waited for nothing.
+    """Return why a robot is given to no visitor. First what keeps it from driving at all: a visitor
+    who is called to such a robot has waited for nothing.
     """
     why = standstill_of(report)
     if why:
         return f"{Robot.Turnaround.PAUSED}: {why}"
     if held:
         return f"{HELD}: {held}"
-    # Who takes a robot that was stopped between visits releases the stop.
+    # A visitor who takes a robot that was stopped between sessions releases the stop.
     may_be_taken = (phase, reason) == (Robot.Turnaround.PAUSED, STOPPED)
     is_away = returns and phase != Robot.Turnaround.READY and not may_be_taken
     return f"{phase}: {reason}"[:REASON_LENGTH] if is_away else ""
@@ -691,7 +636,7 @@ def _seconds(at: datetime.datetime | None) -> float | None:
 
 
 def holder_of(robot: Robot, visitor: User) -> Lease | None:
-    """Return the robot's lease if it is this visitor's, who may come back to it."""
+    """Return the robot's lease if a living session of this visitor holds it."""
     return (
         Lease.objects.filter(robot=robot, session__visitor=visitor, session__state__in=LIVE)
         .select_related("session")
@@ -700,15 +645,13 @@ def holder_of(robot: Robot, visitor: User) -> Lease | None:
 
 
 def is_free_drive(lease: Lease) -> bool:
-    """Tell whether the session that holds a robot goes on nobody's terms, and has moved it."""
+    """Tell whether the session that holds a robot has no terms, and has moved it."""
     session = lease.session
     return session is not None and not session.terms and session.first_motion_at is not None
 
 
 def waits_here(now: datetime.datetime) -> Q:
-    """Return the condition for sessions that wait with an open page, as
-    ActiveSession.page_open has it.
-    """
+    """Return the condition of sessions that wait with an open page (ActiveSession.page_open)."""
     since = now - datetime.timedelta(seconds=PAGE_GONE_SECONDS)
     return Q(state=Session.State.WAITING, seen_at__gt=since)
 
@@ -719,7 +662,5 @@ def began(session: Session | None) -> float | None:
 
 
 def living_session_of(robot: Robot, visitor: User) -> Session | None:
-    """Return the visitor's living session at a robot, for `hello`'s
-    live_elsewhere and for links.
-    """
+    """Return the visitor's living session at a robot, None when there is none."""
     return Session.objects.filter(live_key=live_key(robot, visitor)).first()

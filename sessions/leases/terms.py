@@ -1,10 +1,10 @@
-"""On what terms a session goes: what an app above this one fixes when the robot is first granted,
-kept with the session for good.
+"""The terms of a session: what an app above this one fixes when the robot is first granted, stored
+with the session for good.
 
-This app knows no studies. One that does registers a provider (in its AppConfig.ready) and is asked,
-in whichever process, before a visitor may have a robot, and once when a session gets it for the
-first time. What it answers is stored in `Session.terms`, said to the robot with every lease, which
-enforces it whichever way a command comes, and told to the page.
+This app knows no studies. One that does registers a provider (in its AppConfig.ready). It is asked,
+in any process, before a visitor may have a robot, and once when a session gets the robot for the
+first time. Its answer is stored in `Session.terms`, sent to the robot with every lease, which
+enforces it for every transport of commands, and sent to the page.
 """
 
 import datetime
@@ -26,15 +26,14 @@ if TYPE_CHECKING:
 
 
 class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
-    """What is fixed; None or empty leaves a thing as the robot and the visitor have it. Metres,
-    radians, seconds.
+    """Fixed values; None or empty leaves it to the robot and the visitor. Metres, radians, seconds.
 
     `driver` is who drives: the visitor, or a hidden operator (sessions/wizard/). `actions` are
-    types of Robot API actions, `controllers` input methods, of the visitor. One who drives and then
-    leaves has completed the session only where `leaving_completes`. A turn ends after
-    `turn_seconds` if somebody waits, and with `turn_always` even if nobody does. A `private` one is
-    shown to its visitor, to who operates the robot, and to whom a provider says (`may_watch`).
-    `study` is what the app above wants to find again; it means nothing here.
+    types of Robot API actions, `controllers` input methods, of the visitor. A visitor who drives
+    and then leaves has completed the session only where `leaving_completes`. A turn ends after
+    `turn_seconds` if another visitor waits, and with `turn_always` in any case. A `private` session
+    is shown to its visitor, to operators of the robot, and to users whom a provider allows it
+    (`may_watch`). `study` is the provider's own data and has no meaning here.
     """
 
     label: str = ""
@@ -58,16 +57,16 @@ class Terms(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
     study: dict[str, Any] = {}
 
 
-# how the reasons of sessions begin that wait for the robot to be as their terms want it
+# Prefix of the reasons of sessions that wait for the robot to meet their terms.
 START = "start"
-NOT_DOCKED = "not_docked"  # the one of them that a robot which goes home by itself can mend
+NOT_DOCKED = "not_docked"  # the reason that a robot which docks by itself can remove
 
 prepare(Terms)
 FREE = Terms()
 
 
 class UnreadableTerms(Terms, frozen=True, kw_only=True):
-    """Stands for stored terms that this version cannot read: the robot obeys nothing, only the
+    """Replaces stored terms that this version cannot read: the robot obeys nothing, only the
     visitor sees the session, and the session manager ends it (sessions/leases/transitions.py).
     """
 
@@ -78,55 +77,43 @@ class UnreadableTerms(Terms, frozen=True, kw_only=True):
 
 
 class NotGranted(Exception):
-    """The robot is not for this session after all; the message is the reason, one of
-    sessions.protocol.Refused.
-    """
+    """The session must not begin; the message is the reason, one of sessions.protocol.Refused."""
 
 
 class Provider:
-    """What an app above this one answers; here, what most sessions get. All are called with the ORM
-    at hand, and may be called again with the same result.
+    """The questions to an app above this one, with the answers for a session without terms. All may
+    use the ORM, and may be called again with the same result.
     """
 
     def why_not(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
-        """Return why this visitor may not ask for the robot now, as one word that the page has a
-        sentence for; empty when they may.
-        """
+        """Return why this visitor may not ask for the robot now, as a code; empty when allowed."""
         return ""
 
     def not_ready(self, user: "User", robot: "Robot", now: datetime.datetime) -> str:
-        """Return why the robot is not yet as a session of this visitor needs it, as one word; empty
-        when it is, or that is nobody's business.
-
-        Such a session waits, first in the queue, until it is.
+        """Return why the robot does not yet meet the terms of this visitor's session, as a code;
+        empty when it does, or there are none. The session waits, first in the queue, until it does.
         """
         return ""
 
     def granted(self, session: "Session", now: datetime.datetime) -> Terms | None:
-        """Return the terms of a session that gets the robot for the first time; None when it is
-        none of the provider's business.
+        """Return the terms of a session that gets the robot for the first time; None when the
+        provider has none for it.
 
         Raises:
-            NotGranted: the session must not begin; it is ended.
+            NotGranted: the session must not begin, and is ended.
         """
         return None
 
     def claims(self, user: "User", robot: "Robot") -> bool:
-        """Tell whether a session that this visitor begins with the robot now would go on terms of
-        the provider's.
-        """
+        """Tell whether a session that begins now would get terms of this provider."""
         return False
 
     def may_watch(self, user: "User", session: str) -> bool:
-        """Tell whether somebody who neither drives nor operates the robot may watch a private
-        session of the provider's.
-        """
+        """Tell whether a user may watch this private session of another."""
         return False
 
     def shown(self, session: str) -> dict[str, Any]:
-        """Return the `data` of the newest `task` news of a session, for a page that comes back;
-        empty when there is none.
-        """
+        """Return the data of the newest `task` notice, for a page that reconnects."""
         return {}
 
 
@@ -134,22 +121,20 @@ _providers: list[Provider] = []
 
 
 def register(provider: Provider) -> None:
-    """Have a provider asked from now on; registering twice does nothing."""
+    """Add a provider; registering twice has no effect."""
     if provider not in _providers:
         _providers.append(provider)
 
 
 def why_not(user: "User", robot: "Robot", now: datetime.datetime) -> str:
-    """Return the first provider's reason against a session; empty when nobody has one."""
+    """Return the first reason of a provider against a session; empty when there is none."""
     return next(
         (reason for provider in _providers if (reason := provider.why_not(user, robot, now))), ""
     )
 
 
 def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
-    """Return why a robot is not yet as a session needs it, as Scene.pause says such things; empty
-    when it is.
-    """
+    """Return why a robot does not yet meet a session's terms, as in Scene.pause, or nothing."""
     return next(
         (
             f"{START}: {reason}"
@@ -161,17 +146,17 @@ def not_ready(user: "User", robot: "Robot", now: datetime.datetime) -> str:
 
 
 def claims(user: "User", robot: "Robot") -> bool:
-    """Tell whether a session that begins now would go on anybody's terms."""
+    """Tell whether a session that begins now would get terms."""
     return any(provider.claims(user, robot) for provider in _providers)
 
 
 def may_watch(user: "User", session: str) -> bool:
-    """Tell whether anybody lets this user watch a private session of another."""
+    """Tell whether a provider lets this user watch a private session of another."""
     return any(provider.may_watch(user, session) for provider in _providers)
 
 
 def of_granted(session: "Session", now: datetime.datetime) -> Terms:
-    """Ask the providers for the terms of a session that is granted for the first time.
+    """Return the terms of a session that gets the robot for the first time.
 
     Raises:
         NotGranted: the session must not begin.
@@ -183,7 +168,7 @@ def of_granted(session: "Session", now: datetime.datetime) -> Terms:
 
 
 def shown(session: str) -> dict[str, Any]:
-    """Return what a page that takes a session is shown of its task; empty when there is none."""
+    """Return the task's data for a page that takes a session; empty when there is none."""
     return next((data for provider in _providers if (data := provider.shown(session))), {})
 
 
@@ -200,6 +185,6 @@ def of(session: "Session") -> Terms:
 
 
 def stored(terms: Terms) -> dict[str, Any]:
-    """Return terms as `Session.terms` keeps them."""
+    """Return the value of `Session.terms`."""
     found: dict[str, Any] = msgspec.to_builtins(terms)
     return found

@@ -1,6 +1,4 @@
-"""Who is at robots, and how long somebody who came now would wait: for pages that tell before
-anybody asks for a robot.
-"""
+"""Who drives and waits at robots, and for how long, for pages that list robots."""
 
 import datetime
 from collections.abc import Iterable
@@ -14,7 +12,7 @@ from sessions.models import AT_THE_WHEEL, Session
 
 
 def living_sessions(robots: Iterable[Robot]) -> dict[Any, list[ActiveSession]]:
-    """Return the sessions of robots that have not ended, by the robot's key."""
+    """Return the living sessions of robots, by the robot's key."""
     found: dict[Any, list[ActiveSession]] = {}
     for session in Session.objects.filter(robot__in=robots).exclude(state=Session.State.ENDED):
         found.setdefault(session.robot_id, []).append(session_of(session))
@@ -24,19 +22,17 @@ def living_sessions(robots: Iterable[Robot]) -> dict[Any, list[ActiveSession]]:
 def traffic_at(
     robot: Robot, sessions: list[ActiveSession], now: datetime.datetime, user: Any = None
 ) -> Traffic:
-    """Return who is at a robot, given its living sessions, whether `user` drives it or waits for
-    it, and how long they wait, or would if they came now.
-    """
+    """Return who is at a robot with these sessions, and how long `user` waits, or would."""
     own = None if user is None else next((s for s in sessions if s.visitor == str(user.pk)), None)
-    driven = next((session for session in sessions if session.state in AT_THE_WHEEL), None)
-    scene = Scene(Hold(0, driven.id if driven else None), tuple(sessions))
+    holder = next((session for session in sessions if session.state in AT_THE_WHEEL), None)
+    scene = Scene(Hold(0, holder.id if holder else None), tuple(sessions))
     waits = own is not None and own.state == Session.State.WAITING
     place = place_in_queue(scene, own.id if own and waits else None, now.timestamp())
     minutes = (
         minutes_until_turn(scene, place, rules_of(robot), now.timestamp()) if sessions else None
     )
     return Traffic(
-        driven=driven is not None,
+        driven=holder is not None,
         own=own is not None and not waits,
         waiting=place_in_queue(scene, None, now.timestamp()) - 1,
         place=place if waits else 0,

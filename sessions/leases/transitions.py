@@ -1,34 +1,32 @@
-"""What time does to sessions: connected, lost, back, turn over, next in the queue. Only the session
-manager asks.
+"""The effects of time on sessions: connected, lost, reconnected, turn over, next in the queue. Only
+the session manager calls this, with plain snapshots.
 
-Rules, all in seconds unless said otherwise:
+Rules, all in seconds unless stated otherwise:
 
 - A granted session that is not connected after `start` ends as connection_refused.
-- A driving visitor whose heartbeat the robot has not heard for HEARTBEAT_SILENCE is reconnecting,
-  and after `grace` the session ends as connection_lost. A closed page alone means nothing while the
-  heartbeat lives on the data channel; when the robot says nothing either, the page is all there is
-  to go by.
-- A robot that is not heard of for ROBOT_SILENCE ends the session as robot_fault, and so does one
-  that, when one of these times is over, does not know of the session while its page is there: it
-  has died and begun anew. While the robot is silent nobody's connection is taken for lost.
+- A driving session becomes reconnecting when the robot has received no heartbeat of its visitor for
+  HEARTBEAT_SILENCE, and ends as connection_lost after `grace`. A closed page alone has no effect
+  while heartbeats arrive over the data channel; when the robot is silent, too, the page decides.
+- A session ends as robot_fault when its robot is silent for ROBOT_SILENCE, and when, after `start`
+  or `grace`, the robot does not know the session although its page is open: the agent has
+  restarted. While the robot is silent, no connection counts as lost.
 - A session whose stored terms this version cannot read ends as stopped_by_operator.
-- `turn` and `grace` are the robot's, or what the terms of the session say
-  (sessions/leases/terms.py).
-- A turn is a limit only while somebody waits whose page is open, or where the terms say that it
-  always is. It then ends `turn` after the grant, but never earlier than `warning` after the moment
-  from which somebody waited. When nobody waits any more, the limit is lifted.
-- A driver who does nothing for `idle` is asked whether anybody is there, and without a sign after
-  ANSWER_SECONDS, and ON_THE_WAY for question and answer to arrive, the session ends as if its turn
-  were over. Driving, a touch of the page, a call and what the robot does by itself are signs,
-  and so is an emergency stop that is on; a lost connection is another matter, and who comes back
-  from one is asked anew.
-- A free robot that is ready is offered to the first in the queue whose page is open, once it is
-  also as that session's terms want it; until then nobody behind gets it either, but who operates it
-  may take it. After `start` the offer lapses, that session is cancelled, and the next one is asked.
-  Who waits with a closed page keeps the place for `grace`.
+- `turn` and `grace` are the robot's, or those of the session's terms (sessions/leases/terms.py).
+- A turn is limited only while another visitor waits with an open page, or always if the terms
+  require it. It ends `turn` after the grant, but not before `warning` after the moment from which
+  another visitor waited. When no visitor waits any more, the limit is lifted.
+- A driver who does nothing for `idle` is asked to confirm presence. Without a sign within
+  ANSWER_SECONDS, plus ROUND_TRIP_MARGIN_S for question and answer to arrive, the session ends as if
+  its turn were over. Driving, a touch of the page, a call, autonomous motion of the robot and an
+  active emergency stop are signs. A lost connection is none of this; a driver who reconnects is
+  asked again.
+- A free robot that is ready is offered to the first session in the queue whose page is open, once
+  the robot also meets that session's terms. Until then no later session gets it, but an operator
+  may take it. The offer lapses after `start`: its session is cancelled, and the next one gets an
+  offer. A waiting session whose page is closed keeps its place for `grace`.
 
-Decided on plain snapshots. No deadline counts from before `RobotLink.since`, when the session
-manager began to hear robots, or its clock made a step: nobody is punished for its own absence.
+No deadline counts from before `RobotLink.since`, when the session manager began to receive
+messages, or its clock jumped: visitors do not pay for the server's absence.
 """
 
 from collections.abc import Iterator, Mapping
@@ -51,20 +49,19 @@ HEARTBEAT_SILENCE = 2.0
 STATE_SILENCE = 3.0
 ROBOT_SILENCE = 30.0
 ANSWER_SECONDS = 30.0
-ON_THE_WAY = 5.0
-IDLE = "idle"  # the reason of a session whose driver gave no sign any more
+ROUND_TRIP_MARGIN_S = 5.0
+IDLE = "idle"  # the reason of a session whose driver did not confirm presence
 
 
 @dataclass(frozen=True)
 class RobotLink:
-    """What was last heard of the robot: anything at all at `last_received_at`; the newest state at
-    `state_at`, with these of its fields.
+    """What the robot last sent: any message at `last_received_at`; its newest state at `state_at`,
+    with these of its fields.
 
-    `since` is when the session manager began to listen, `silence` State.visitor_silence, and
-    `moved` says whether a command of this session and epoch has ever moved the robot. `active_at`
-    is when the robot last showed a sign of its driver, `signs` when pages gave one, by their
-    sessions (it may grow while it is looked at), `asked` which session was last asked for one, and
-    when.
+    `since` is when the session manager began to receive, `silence` State.visitor_silence, and
+    `moved` whether a command of this session and epoch has ever moved the robot. `active_at` is the
+    robot's last sign of its driver, `signs` the last sign of each page by its session (the event
+    loop adds to it at any time), `asked` the session that was last asked for a sign, and when.
     """
 
     since: float = 0.0
@@ -81,14 +78,14 @@ class RobotLink:
 
 @dataclass(frozen=True)
 class Free:
-    """The lease names a session that is over: give it up."""
+    """The lease names a session that is over: release it."""
 
     epoch: int
 
 
 @dataclass(frozen=True)
 class Move:
-    """The session now stands at `state`; `lost_at` is None when it is connected."""
+    """The session changes to `state`; `lost_at` is None when it is connected."""
 
     session: str
     state: State
@@ -112,14 +109,14 @@ class TurnLimited:
 
 @dataclass(frozen=True)
 class TurnUnlimited:
-    """Nobody waits any more: the turn has no end."""
+    """No other visitor waits any more: the turn has no end."""
 
     session: str
 
 
 @dataclass(frozen=True)
 class Withdraw:
-    """The robot went away: the offer is taken back and made again later."""
+    """The offer is withdrawn, and made again later."""
 
     session: str
 
@@ -132,8 +129,8 @@ class Lose:
     lost_at: float
 
 
-# What is told to the session's page is the notice itself. TurnWarning comes at every tick of the
-# last minutes, for the shell to say once.
+# Some are the notice that the session's page receives. TurnWarning comes at every tick of the last
+# minutes; the scheduler sends it once.
 Act = (
     Free
     | Move
@@ -151,7 +148,7 @@ Act = (
 
 
 def decide_tick(scene: Scene, link: RobotLink, rules: Rules, now: float) -> tuple[Act, ...]:
-    """Return what is to be done now, in order; nothing when all is well."""
+    """Return the transitions that are due, in order."""
     unreadable = [session for session in scene.sessions if not session.is_readable]
     if unreadable:  # the others of this robot come at the next tick
         return tuple(
@@ -170,9 +167,7 @@ def decide_tick(scene: Scene, link: RobotLink, rules: Rules, now: float) -> tupl
 
 
 def _orphans(scene: Scene) -> Iterator[Act]:
-    """A session that drives without the lease cannot come about while every process finishes what
-    it began; one may have been killed.
-    """
+    """End sessions that drive without the lease, after a process was killed half-way."""
     for session in scene.sessions:
         if session.state != "waiting" and session.id != scene.hold.session:
             yield Ended(session=session.id, outcome="connection_lost", reason="lease_gone")
@@ -180,7 +175,7 @@ def _orphans(scene: Scene) -> Iterator[Act]:
 
 def _waiting(scene: Scene, link: RobotLink, rules: Rules, now: float) -> Iterator[Act]:
     for session in scene.queue:
-        # An offer that nobody could take does not lapse: it is withdrawn.
+        # An offer that could not be taken does not lapse: it is withdrawn.
         if (
             scene.ready
             and session.page_open(now)
@@ -197,7 +192,7 @@ def _waiting(scene: Scene, link: RobotLink, rules: Rules, now: float) -> Iterato
             if session.lost_at is None:
                 yield Lose(session.id, now)
             if session.offered_at is not None:
-                yield Withdraw(session.id)  # who has no page cannot take a turn; the place is kept
+                yield Withdraw(session.id)  # no page can take the turn; the place is kept
 
 
 def _driver(
@@ -226,18 +221,16 @@ def _driver(
 def _fault(scene: Scene, holder: ActiveSession, link: RobotLink, now: float) -> Ended | None:
     if not scene.enabled:
         return Ended(session=holder.id, outcome="stopped_by_operator", reason="robot_disabled")
-    # While a web process is about to grant it, the session has no time of that yet.
+    # While a web process grants it, the session has no granted_at yet.
     granted_at = holder.granted_at or scene.changed_at
-    heard = max(link.since, link.last_received_at or 0.0, granted_at)
-    if now - heard > ROBOT_SILENCE:
+    silent_since = max(link.since, link.last_received_at or 0.0, granted_at)
+    if now - silent_since > ROBOT_SILENCE:
         return Ended(session=holder.id, outcome="robot_fault", reason="robot_offline")
     return None
 
 
 def visitor_here(hold: Hold, holder: ActiveSession, link: RobotLink, now: float) -> bool | None:
-    """Tell whether the driver is connected to the robot; None when the robot's silence leaves it
-    open.
-    """
+    """Tell whether the driver is connected; None while the robot is silent, the page open."""
     if link.state_at is None or now - link.state_at > STATE_SILENCE:
         return None if holder.page_open(now) else False
     return (
@@ -254,7 +247,7 @@ def _speaks_of(link: RobotLink, holder: ActiveSession, hold: Hold) -> bool:
 def _connection(
     hold: Hold, holder: ActiveSession, link: RobotLink, rules: Rules, now: float
 ) -> Move | Ended | None:
-    if holder.state == "waiting":  # the process that granted the lease did not live to say so
+    if holder.state == "waiting":  # the granting process died before it stored this
         return Move(holder.id, "connecting")
     here = visitor_here(hold, holder, link, now)
     if holder.state == "driving":
@@ -262,7 +255,7 @@ def _connection(
     if here:
         return Move(holder.id, "driving")
     if here is None:
-        return None  # a silent robot says nothing about its visitor, and is itself ended by _fault
+        return None  # the robot is silent; _fault ends the session if it stays so
     if holder.state == "connecting":
         is_over = now - max(holder.granted_at or now, link.since) > rules.start
     else:
@@ -271,8 +264,8 @@ def _connection(
 
 
 def _broken_off(hold: Hold, holder: ActiveSession, link: RobotLink, now: float) -> Ended:
-    """End a session whose page and robot are not connected: by the robot where the page is there
-    and the robot knows nothing of the session, because it began anew or heard of no lease.
+    """End a session whose page and robot are not connected. It is the robot's fault when the page
+    is open and the robot does not know the session: its agent restarted, or received no lease.
     """
     if holder.page_open(now) and not _speaks_of(link, holder, hold):
         return Ended(session=holder.id, outcome="robot_fault", reason="robot_offline")
@@ -298,7 +291,7 @@ def _idle(
         return AskedThere(session=holder.id, seconds=ANSWER_SECONDS)
     return (
         Ended(session=holder.id, outcome="timed_out", reason=IDLE)
-        if now - asked_at >= ANSWER_SECONDS + ON_THE_WAY
+        if now - asked_at >= ANSWER_SECONDS + ROUND_TRIP_MARGIN_S
         else None
     )
 

@@ -1,4 +1,4 @@
-"""The terms of somebody who tries a simulated robot without an account."""
+"""The terms of visitors who try a simulated robot without an account."""
 
 import datetime
 
@@ -11,18 +11,18 @@ from sessions.models import Session
 
 
 class TrialTerms(Provider):
-    """The turn is short, also while nobody waits: others may want to try, and a simulated robot
-    costs a good part of a core. Where they may drive is for `may_drive` to say.
+    """The turn is always limited: other visitors may want to try, and a simulated robot needs much
+    of a core. `may_drive` decides which robots they may drive.
     """
 
     def granted(self, session: Session, now: datetime.datetime) -> Terms | None:
-        """Return them for such a visitor; None for everybody else."""
+        """Return them for such a visitor; None for all others."""
         if session.visitor.kind != User.Kind.VISITOR:
             return None
         return Terms(turn_seconds=settings.TRIAL_SECONDS, turn_always=True)
 
     def claims(self, user: User, robot: Robot) -> bool:
-        """Tell whether it is such a visitor who asks."""
+        """Tell whether this is such a visitor."""
         return user.kind == User.Kind.VISITOR
 
 

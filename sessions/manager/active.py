@@ -1,16 +1,16 @@
-"""The session manager that has a slot: it records, keeps time, and connects to the broker again
-and again.
+"""The session manager that has a slot: it records, keeps time, and reconnects to the broker.
 
-The broker keeps what comes for a slot while its process restarts. While other members live, they
-hear what the slot's robots say, so that what the broker has kept is forgotten: by the process that
-takes the slot, or by the owner of the site's shard when nobody does.
+The broker queues messages for a slot while its process restarts. While other members live, they
+receive the messages of the slot's robots, and the queue must be discarded: by the process that
+takes the slot, or else by the owner of the site's shard.
 """
 
 import asyncio
 import contextlib
 import functools
 import random
-from collections.abc import Callable, Collection
+import time
+from collections.abc import Collection
 from typing import Any
 
 import aiomqtt
@@ -19,10 +19,8 @@ from django.conf import settings
 from django.db import DatabaseError, InterfaceError
 
 from robots.api.disk_space import DiskSpace
-from robots.bridge import broker_address
 from robots.bridge.broker_address import BrokerAddress
 from robots.bridge.failover import Failover
-from robots.bridge.inbox import Inbox
 from robots.bridge.quick_reading import read_quickly
 from robots.cancellation import cancel
 from robots.enrol.credentials import server_client_id
@@ -41,7 +39,7 @@ from sessions.recording.recorder import Recorder
 logger = structlog.stdlib.get_logger(__name__)
 
 FLUSH_SECONDS = 20.0
-RELEASE_SECONDS = 5.0  # for which shards wait that are given away while the database is slow
+RELEASE_SECONDS = 5.0  # longest wait for a slow database before shards are handed over
 
 
 class RecorderDied(RuntimeError):
@@ -49,15 +47,14 @@ class RecorderDied(RuntimeError):
 
 
 class ActiveManager:
-    """Lives while this process has its slot; make it in the event loop, and `close` it.
+    """Lives while this process has its slot; create it in the event loop, and `close` it.
 
     Args:
-        nodes: where the broker is; more than one when it is a cluster.
-        credentials: user and password there.
+        nodes: addresses of the broker; more than one for a cluster.
+        credentials: user and password of the broker.
         rng: spreads reconnections.
-        clock: Unix seconds.
-        health: is told how steps in the database go.
-        connected: is set while there is a connection that serves.
+        health: receives the outcome of steps in the database.
+        connected: is set while a connection serves.
         membership: of the process, which has a slot.
     """
 
@@ -66,14 +63,12 @@ class ActiveManager:
         nodes: tuple[BrokerAddress, ...],
         credentials: tuple[str, str],
         rng: random.Random,
-        clock: Callable[[], float],
         health: ManagerHealth,
         connected: asyncio.Event,
         membership: Membership,
     ) -> None:
         self._failover = Failover(nodes, rng)
         self._credentials = credentials
-        self._clock = clock
         self._connected = connected
         self._connection: BrokerConnection | None = None
         self._ending = False
@@ -83,14 +78,14 @@ class ActiveManager:
         self._forgetting: set[asyncio.Task[None]] = set()
         self._prepared: tuple[int, ...] = ()
         self._loop = loop = asyncio.get_running_loop()
-        self.recorder = Recorder(self._ask_from_its_thread, clock=clock, ownership=ownership)
+        self.recorder = Recorder(self._request_states, ownership=ownership)
         due, received = asyncio.Event(), asyncio.Event()
         self._work = Work(
             recorder=self.recorder,
             ownership=ownership,
             ingest=Intake(
                 self.recorder,
-                clock,
+                time.time,
                 wake_signals=received.set,
                 wake_scheduler=due.set,
                 ownership=ownership,
@@ -108,10 +103,10 @@ class ActiveManager:
         self._serving = loop.create_task(self._serve_for_ever())
 
     def check(self) -> None:
-        """Raise what has ended this manager's work, if anything has.
+        """Raise the error that has ended this manager's work, if one has.
 
         Raises:
-            RecorderDied: nothing is recorded any more.
+            RecorderDied: the recorder's thread has ended.
         """
         if not self.recorder.is_alive:
             raise RecorderDied
@@ -119,9 +114,7 @@ class ActiveManager:
             self._serving.result()
 
     def report(self) -> dict[str, Any]:
-        """Return how this process does, in words that hold nothing personal; `prepared` are the
-        slots by whose division it has subscribed last.
-        """
+        """Return the state of this process; `prepared`: the slots of its last subscription."""
         if self._connection is not None:
             self._prepared = self._connection.prepared
         return {
@@ -134,23 +127,21 @@ class ActiveManager:
         }
 
     def wake(self) -> None:
-        """Have the scheduler look at once: other robots are ours."""
+        """Run the scheduler at once: our share of the robots has changed."""
         self._work.due.set()
 
     async def release(self, shards: frozenset[int]) -> None:
-        """Return when everything that was known of the robots of these shards, which are not ours
-        any more, is written.
-        """
-        await self._work.thread.run(tuple)  # a tick that runs now ends first
+        """Return when everything received of these shards' robots is written."""
+        await self._work.thread.run(tuple)  # a running tick ends first
         written = asyncio.Event()
-        say = functools.partial(self._loop.call_soon_threadsafe, written.set)
-        self.recorder.put(ReleaseItem(shards, say))
+        done = functools.partial(self._loop.call_soon_threadsafe, written.set)
+        self.recorder.put(ReleaseItem(shards, done))
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(RELEASE_SECONDS):
                 await written.wait()
 
     def forget_departed(self, slots: Collection[int]) -> None:
-        """Have the broker forget what it keeps for slots that were left."""
+        """Discard the broker's queues of slots that were left."""
         for slot in slots if self._ownership.owns_site else ():
             task = self._loop.create_task(self._forget(slot))
             self._forgetting.add(task)
@@ -158,18 +149,14 @@ class ActiveManager:
 
     async def _forget(self, slot: int) -> None:
         try:
-            async with broker_address.client(
-                self._failover.node,
-                self._credentials,
-                server_client_id("session-manager", slot),
-                keepalive_seconds=self._failover.keepalive_seconds,
-            ):
+            identifier = server_client_id("session-manager", slot)
+            async with self._failover.client(self._credentials, identifier):
                 logger.info("broker_session_forgotten", slot=slot)
         except aiomqtt.MqttError as error:
             logger.info("broker_session_kept", slot=slot, reason=str(error))
 
     async def close(self) -> None:
-        """Leave the broker, and write what is there."""
+        """Disconnect, and write the rest of the record."""
         self._ending = True
         await cancel(self._serving)
         for task in list(self._forgetting):
@@ -182,7 +169,7 @@ class ActiveManager:
         logger.info("session_manager_stopped", counts=dict(counts))
 
     async def _serve_for_ever(self) -> None:
-        while not self._ending:  # leaving a lost broker turns a cancellation into an MqttError
+        while not self._ending:  # disconnecting from a lost broker hides a cancellation
             try:
                 await self._serve()
             except aiomqtt.MqttError as error:
@@ -205,17 +192,14 @@ class ActiveManager:
         if self._forgets:
             await self._forget(self._slot)
             self._forgets = False
-        inbox = functools.partial(Inbox, self._work.ingest.receive)
-        async with broker_address.client(
-            self._failover.node,
+        async with self._failover.client(
             self._credentials,
             server_client_id("session-manager", self._slot),
-            inbox,
-            keepalive_seconds=self._failover.keepalive_seconds,
+            self._work.ingest.receive,
             clean_session=False,
         ) as client:
             read_quickly(client)
-            connection = BrokerConnection(client, self._work, self._clock, self._failover.qos(1))
+            connection = BrokerConnection(client, self._work, time.time, self._failover.qos(1))
             await connection.begin()
             self._connected.set()
             node = self._failover.node
@@ -226,9 +210,7 @@ class ActiveManager:
             finally:
                 self._connection = None
 
-    def _ask_from_its_thread(self, robot: str, boot: str, first: int, last: int) -> None:
-        self._loop.call_soon_threadsafe(self._ask_again, robot, boot, first, last)
-
-    def _ask_again(self, robot: str, boot: str, first: int, last: int) -> None:
-        if self._connection is not None:
-            self._connection.ask_again(robot, boot, first, last)
+    def _request_states(self, robot: str, boot: str, first: int, last: int) -> None:
+        """Request lost states. In the recorder's thread."""
+        if (connection := self._connection) is not None:
+            self._loop.call_soon_threadsafe(connection.ask_again, robot, boot, first, last)

@@ -1,11 +1,11 @@
-"""What the session manager does while it is connected to the broker.
+"""The session manager's work while it is connected to the broker.
 
-The connection is a persistent session at QoS 1, so that what robots say while this process
-restarts is delivered afterwards (of a cluster: what they say seldom); what is missing even then is
-asked for again by its number (sessions/recording/sequence_tracker.py).
+The connection is a persistent session at QoS 1, so that messages of robots are delivered even if
+this process restarts (by a cluster: only rare messages). States that are still missing are
+requested by their numbers (sessions/recording/sequence_tracker.py).
 
-A lease that the broker has kept from before a crash permits nothing (robots act only on a fresh
-copy) and is replaced at the beginning.
+A retained lease from before a crash permits nothing (robots act only on a fresh copy) and is
+replaced after connecting.
 """
 
 import asyncio
@@ -16,7 +16,7 @@ import time
 from collections import defaultdict, deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Protocol, TypeVar
+from typing import TypeVar
 
 import aiomqtt
 import structlog
@@ -38,10 +38,15 @@ from sessions.manager.disk_watch import DiskWatch
 from sessions.manager.dispatch import send_all
 from sessions.manager.health import Fault, ManagerHealth
 from sessions.manager.ingest import Intake, PresenceNews, filters
-from sessions.manager.needed_robots import needed_robots
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.robot_liveness import PEER
-from sessions.manager.scheduler import ManagerMessage, Scheduler, notice_message, send
+from sessions.manager.scheduler import (
+    ManagerMessage,
+    Scheduler,
+    needed_robots,
+    notice_message,
+    send,
+)
 from sessions.models import Session, SystemLog
 from sessions.recording.builder import LOGGED_RATE
 from sessions.recording.items import CloseItem
@@ -56,21 +61,21 @@ IDENTIFIER = "session-manager"
 POLL_INTERVAL_S = 0.5
 HEARTBEAT_SECONDS = 0.5
 STATUS_SECONDS = 0.5
-HEALTH_SECONDS = 0.1  # between two readings of what the status would be: a fault is told at once
+HEALTH_SECONDS = 0.1  # between two checks for faults, which are published at once
 GATHER_SECONDS = 0.04
-STEP_SECONDS = 1.0  # by which the clock may change between two looks, as NTP slews it
-MOST_FILTERS = 50  # of one packet, which some brokers limit
-# a cluster makes a replicated queue of each filter, the first time
+STEP_SECONDS = 1.0  # by which the clock may change between two ticks, as NTP slews it
+MAX_FILTERS = 50  # of one packet; some brokers limit it
+# A cluster creates a replicated queue for each filter, the first time.
 SUBSCRIBE_SECONDS = 30.0
-TOGETHER = 200  # messages on their way to the broker at once, of the thousand that a client keeps
+TOGETHER = 200  # messages in flight to the broker, of the thousand that a client keeps
 
 
 @dataclass(frozen=True)
 class Work:
     """What a session manager keeps from one connection to the next.
 
-    `due` is set when the scheduler is to run at once, `received` when the apps above have something
-    to be told.
+    `due` is set when the scheduler is to run at once, `received` when there are signals to send to
+    the apps above.
     """
 
     ownership: Ownership
@@ -93,8 +98,8 @@ class BrokerConnection:
         client: connected.
         work: outlives the connection.
         clock: Unix seconds.
-        often_qos: the highest QoS of subscriptions to what robots say often. A cluster makes a
-            replicated queue of each subscription at QoS 1; so many take it a minute to get in order
+        often_qos: the highest QoS of subscriptions to frequent messages. A cluster creates a
+            replicated queue for each subscription at QoS 1, and takes a minute to restore so many
             after a partition.
     """
 
@@ -120,17 +125,17 @@ class BrokerConnection:
         self._log_allowances: dict[str, Bucket] = defaultdict(lambda: Bucket(*LOGGED_RATE))
 
     async def begin(self) -> None:
-        """Subscribe, and have every lease published anew."""
+        """Subscribe, and schedule every lease for publishing."""
         self._client.pending_calls_threshold = 2 * TOGETHER
         await self._subscribe()
         if self._work.ownership.was_shared:
-            # the broker may have kept subscriptions of another division
+            # The broker may still have subscriptions of another division.
             kept = await self._work.thread.run(_every_topic) - dict(self._subscribed).keys()
             await self._unsubscribe(kept)
         await self._work.thread.run(self._work.scheduler.begin)
 
     async def _subscribe(self) -> None:
-        """Subscribe to what our share of the robots says, and to nothing else."""
+        """Subscribe to our share of the robots, and to no others."""
         ownership = self._work.ownership
         slots = ownership.slots
         if ownership.is_whole:
@@ -150,13 +155,13 @@ class BrokerConnection:
             await self._client.unsubscribe(packet)
 
     async def serve(self) -> None:
-        """Do everything that goes on while connected, until the connection is lost."""
+        """Run all loops of the connection, until it is lost."""
         await until_one_ends(
             self._tick_for_ever(),
             self._heartbeat_for_ever(),
             self._signal_for_ever(),
             self._publish_status_for_ever(),
-            _end_of(self._client),
+            broker_address.until_lost(self._client),
         )
 
     # --- the scheduler ----------------------------------------------------------------------------
@@ -176,7 +181,7 @@ class BrokerConnection:
                 continue
 
     async def _renew(self) -> None:
-        """Publish leases before all that a tick has found, and the rest after them."""
+        """Publish leases, and after them the messages of a tick."""
         scheduler, published = self._work.scheduler, True
         while published and self._may_act():
             published = await self._work.thread.attempt(scheduler.renew, timezone.now())
@@ -186,16 +191,16 @@ class BrokerConnection:
         return self._work.ownership.is_confirmed
 
     def _tick(self) -> list[CloseItem]:
-        """In the scheduler's thread: first who is there, then what time does."""
+        """Update presence, then the sessions. In the scheduler's thread."""
         now, work = timezone.now(), self._work
-        if not self._may_act():  # this process has just gone on after a stop
+        if not self._may_act():  # this process has just resumed after a stop
             return []
         work.presence.follow_ownership(now)
         self._needed = needed_robots()
         self._take_presence(now)
         send(signals.ticked, now=now, ownership=work.ownership)
         work.scheduler.outbox.extend(map(notice_message, notices.drain()))
-        robots = dict(work.ingest.last_received)
+        robots = dict(work.ingest.liveness)
         self._follow_clock()
         links = {
             name: robots[name].link(self._since, work.ingest.signs, shift=self._shift)
@@ -207,8 +212,8 @@ class BrokerConnection:
         return closing
 
     def _follow_clock(self) -> None:
-        """Begin all deadlines anew when the server's clock has made a step: what the database has
-        from before it tells no more how long ago something was.
+        """Restart all deadlines when the server's clock has jumped: times in the database from
+        before the jump no longer tell how long ago something happened.
         """
         before, self._shift = self._shift, self._clock() - time.monotonic()
         if abs(self._shift - before) > STEP_SECONDS:
@@ -216,31 +221,36 @@ class BrokerConnection:
             logger.warning("clock_stepped", seconds=round(self._shift - before, 3))
 
     def _take_presence(self, now: datetime.datetime) -> None:
-        """Store what robots have said of themselves; what the database did not take comes again,
-        for the next state of an idle robot is half a minute away.
+        """Store the robots' presence. News that the database did not take are repeated, because the
+        next state of an idle robot is half a minute away.
         """
         news = [
             one for one in self._work.ingest.presence_news() if self._work.ownership.owns(one.robot)
         ]
         for first in range(0, max(len(news), 1), TOGETHER):
             together = news[first : first + TOGETHER]
+            entries: list[SystemLog] = []
             try:
-                with transaction.atomic():  # thousands come back at once after a broker's restart
-                    self._store_presence(together, now)
+                with transaction.atomic():  # after a broker's restart thousands reconnect
+                    self._store_presence(together, now, entries)
             except (DatabaseError, InterfaceError):
+                for entry in entries:  # of news that is repeated
+                    self._log_allowances[entry.robot.name].level += 1.0
                 self._work.presence.forget({one.robot for one in news[first:]})
                 self._work.ingest.repeat_news(news[first:])
                 raise
 
-    def _store_presence(self, news: list[PresenceNews], now: datetime.datetime) -> None:
+    def _store_presence(
+        self, news: list[PresenceNews], now: datetime.datetime, entries: list[SystemLog]
+    ) -> None:
+        """Store news, and add its entries of the system log to `entries`."""
         presence = self._work.presence
         presence.read({one.robot for one in news}, now)
-        entries = []
         for one in news:
             row = presence.take(one.robot, one.message, now, retained=one.retained)
             if row is not None and self._log_allowances[row.robot.name].spend(now.timestamp()):
                 event = "robot_online" if row.connection == "ONLINE" else "robot_offline"
-                # The row changes with the robot's next news.
+                # Written now, because the next news changes the row.
                 entries.append(
                     system_log.entry(event, robot=row.robot, at=now, state=row.connection)
                 )
@@ -248,16 +258,14 @@ class BrokerConnection:
         with self._work.ownership.about(*(entry.robot.name for entry in entries)):
             SystemLog.objects.bulk_create(entries)
 
-    # --- what goes out regularly ------------------------------------------------------------------
+    # --- heartbeats and status --------------------------------------------------------------------
 
     async def _heartbeat_for_ever(self) -> None:
-        """Beat for robots that are needed, and for others only to know the clock of one that
-        somebody else keeps awake.
-        """
+        """Beat for robots that are needed, and for others that are awake, to know their clocks."""
         due = time.monotonic()
         while True:
             needed, now = self._needed, time.monotonic()
-            for robot, liveness in list(self._work.ingest.last_received.items()):
+            for robot, liveness in list(self._work.ingest.liveness.items()):
                 is_due = liveness.is_awake(now) or (robot in needed and liveness.is_present(now))
                 if is_due and self._work.ownership.owns(robot):
                     liveness.beats += 1
@@ -267,14 +275,12 @@ class BrokerConnection:
                     await self._client.publish(
                         topics.of(robot, "command/heartbeat"), codec.encode(message)
                     )
-            # A robot ends what the server ordered when it misses these beats.
+            # A robot cancels the server's actions when it misses these beats.
             due = max(due + HEARTBEAT_SECONDS, time.monotonic())
             await asyncio.sleep(due - time.monotonic())
 
     async def _publish_status_for_ever(self) -> None:
-        """Say that the owner of the site lives and what it lacks; from the loop, which neither
-        database nor disk holds up.
-        """
+        """Publish faults of the site, from the loop: database and disk may block their threads."""
         published_at, faults = -STATUS_SECONDS, self._faults()
         while True:
             before, faults, now = faults, self._faults(), time.monotonic()
@@ -290,29 +296,27 @@ class BrokerConnection:
     def _faults(self) -> tuple[Fault, ...]:
         return self._work.health.faults(time.monotonic(), self._work.disk.state)
 
-    # --- what comes in ----------------------------------------------------------------------------
+    # --- signals and lost states ------------------------------------------------------------------
 
     async def _signal_for_ever(self) -> None:
-        """Tell the apps above what was received of sessions."""
+        """Send the apps above the signals of what was received."""
         ingest = self._work.ingest
         while True:
             await self._work.received.wait()
-            await asyncio.sleep(GATHER_SECONDS)  # many robots' states go to the thread together
+            await asyncio.sleep(GATHER_SECONDS)  # many robots' states in one step of the thread
             self._work.received.clear()
             items = ingest.fresh()
             if any(signal.has_listeners(Session) for signal in signals.OF_SESSIONS):
                 offsets = {
                     robot: liveness.offset.seconds
-                    for robot, liveness in list(ingest.last_received.items())
+                    for robot, liveness in list(ingest.liveness.items())
                 }
                 await self._work.thread.run(send_all, items, offsets, self._work.ownership)
                 if notices.are_waiting():
                     self._work.due.set()
 
     def ask_again(self, robot: str, boot: str, first: int, last: int) -> None:
-        """Ask an agent for states; unanswered it is asked again, so that nothing has to be kept
-        here.
-        """
+        """Request states from an agent. The recorder repeats it until they come."""
         action = messages.ResendStates(
             action_id=f"resend-{secrets.token_hex(8)}",
             stamp=self._clock(),
@@ -337,10 +341,10 @@ class BrokerConnection:
 
 
 def packets_of(filters_: set[Filter]) -> Iterator[list[Filter]]:
-    """Yield filters in as many packets as a broker wants for them."""
+    """Yield filters in packets of a size that every broker takes."""
     in_order = sorted(filters_)
-    for first in range(0, len(in_order), MOST_FILTERS):
-        yield in_order[first : first + MOST_FILTERS]
+    for first in range(0, len(in_order), MAX_FILTERS):
+        yield in_order[first : first + MAX_FILTERS]
 
 
 def _names_of(is_wanted: Callable[[str], bool]) -> list[str]:
@@ -349,25 +353,18 @@ def _names_of(is_wanted: Callable[[str], bool]) -> list[str]:
 
 
 def _every_topic() -> set[str]:
-    """Return all that may ever have been subscribed to. In the scheduler's thread."""
+    """Return all possible topics of subscriptions. In the scheduler's thread."""
     return set(dict(filters(["+", *Robot.objects.values_list("name", flat=True)])))
 
 
-class Publishing(Protocol):
-    """The part of aiomqtt.Client that publishes."""
-
-    async def publish(self, topic: str, payload: bytes, qos: int, retain: bool) -> None:
-        """Return when the broker has the message, or raise MqttError."""
-
-
 async def publish_all(
-    outbox: deque[ManagerMessage], client: Publishing, may_act: Callable[[], bool] = lambda: True
+    outbox: deque[ManagerMessage], client: aiomqtt.Client, may_act: Callable[[], bool]
 ) -> None:
-    """Publish what waits, in order; a message leaves the outbox only when the broker has it. None
-    is published while this process may not act.
+    """Publish the outbox in order; a message leaves it only when the broker has it. None is
+    published while this process may not act.
 
-    No message waits for the one before: the last of many leases would be a second old, and its
-    session over by then.
+    Messages do not wait for the acknowledgement of the one before: the last of many leases would be
+    a second old, and its session perhaps over.
     """
 
     async def publish(outbound: ManagerMessage) -> None:
@@ -380,11 +377,3 @@ async def publish_all(
         for outcome in await asyncio.gather(*map(publish, batch), return_exceptions=True):
             if outcome is not None:
                 raise outcome
-
-
-async def _end_of(client: aiomqtt.Client) -> None:
-    """Return, or raise MqttError, when the connection ends; messages do not come this way (see
-    robots/bridge/inbox.py).
-    """
-    async for _ in client.messages:
-        pass

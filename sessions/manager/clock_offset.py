@@ -1,4 +1,4 @@
-"""How far a robot's clock is from ours, from the beats that it echoes (Mills, RFC 5905, section 8).
+"""The offset of a robot's clock from ours, from the heartbeats that it echoes (RFC 5905, 8).
 
 The offset of the exchange with the least round trip among the last ones is the best estimate:
 whatever delays a message makes the round trip longer, and only an uneven delay makes the offset
@@ -13,19 +13,17 @@ EXCHANGES = 10
 
 
 class ClockOffset:
-    """The estimate for one robot and one run of its agent. All stamps in Unix seconds."""
+    """The estimate for one run of a robot's agent. All stamps in Unix seconds."""
 
     def __init__(self, peer: str) -> None:
         self._peer = peer
         # (round trip, offset)
         self._exchanges: deque[tuple[float, float]] = deque(maxlen=EXCHANGES)
-        # the last echo that was taken; a restarted server counts from the beginning again
+        # The last echo; compared by equality, because a restarted server counts from 0 again.
         self._newest = -1
 
     def on_heartbeat(self, beat: Heartbeat, received: float) -> bool:
-        """Take a robot's heartbeat that arrived at `received` by our clock; False when it echoes
-        nothing new.
-        """
+        """Take a heartbeat that arrived at `received`; False when it has no new echo."""
         is_new = False
         for echo in beat.echoes:
             if echo.peer == self._peer and echo.n != self._newest:
@@ -43,5 +41,5 @@ class ClockOffset:
 
     @property
     def round_trip(self) -> float | None:
-        """The round trip that `seconds` rests on."""
+        """The round trip of the exchange that `seconds` is from."""
         return min(self._exchanges)[0] if self._exchanges else None

@@ -1,6 +1,4 @@
-"""A thread of the session manager's that works in the database, so that its event loop never waits
-for it.
-"""
+"""A database thread, so that the session manager's event loop never waits for the database."""
 
 import asyncio
 import functools
@@ -20,12 +18,12 @@ logger = structlog.stdlib.get_logger(__name__)
 
 
 class DatabaseThread:
-    """Does one step after another, and notes how each went.
+    """Runs one step after another.
 
     Args:
         name: of the thread.
-        health: is told when a step begins and ends; what waits for the thread does not count.
-        around: makes what every step runs in.
+        health: receives the begin and end of each step, without its wait for the thread.
+        around: creates the context that every step runs in.
     """
 
     def __init__(
@@ -39,7 +37,7 @@ class DatabaseThread:
         self._pool = ThreadPoolExecutor(1, name)
 
     async def run(self, step: Callable[..., Any], *arguments: Any) -> Any:
-        """Do a step and return what it returns.
+        """Run a step and return its result.
 
         Raises:
             DatabaseError: or InterfaceError, as the step did.
@@ -49,7 +47,7 @@ class DatabaseThread:
         )
 
     async def attempt(self, step: Callable[..., Any], *arguments: Any, refused: Any = None) -> Any:
-        """Do a step; return `refused` when the database did not let it."""
+        """Run a step; return `refused` when the database refuses it."""
         try:
             return await self.run(step, *arguments)
         except (DatabaseError, InterfaceError) as error:
@@ -73,9 +71,8 @@ class DatabaseThread:
 
 
 def _with_fresh_connection(step: Callable[..., Any], *arguments: Any) -> Any:
-    """Run a step; after a database error the thread's connection is not trusted any more.
-
-    Unless the disk is full: then SQLite could not open another one, for which it needs room.
+    """Run a step; after a database error the thread's connection is closed, unless the disk is
+    full: SQLite needs room to open another one.
     """
     try:
         return step(*arguments)

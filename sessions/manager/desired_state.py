@@ -1,10 +1,10 @@
-"""What the server has set on each robot, said to it retained: assistance, doors and networks
-(`config`) and its map (`floorplan`).
+"""The settings of each robot, published retained: assistance, doors and networks (`config`) and its
+map (`floorplan`).
 
-The session manager says it when it begins and whenever it was changed in the administration, so
-that a robot knows its site before anybody visits it. While a session holds the robot, its terms go
-before what is set there; afterwards what they changed is undone: a door that only the terms spoke
-of stands again as the plan has it.
+The session manager publishes them when it starts and whenever they are changed in the
+administration, so that a robot knows its site before its first session. While a session holds the
+robot, the session's terms override the settings; afterwards their changes are undone: a door that
+only the terms mention returns to its state in the plan.
 """
 
 import datetime
@@ -26,25 +26,25 @@ from sessions.manager.scheduler import ManagerMessage
 from sessions.models import Lease, Session
 from sessions.shards.ownership import EVERYTHING, Ownership
 
-# Between two looks at what the administration sets: ten thousand robots take a tenth of a second to
-# look at, and a hundred plans half of that.
-LOOK_SECONDS = 2.0
+# Between two readings of all robots: ten thousand of them take a tenth of a second to read, and a
+# hundred plans half of that.
+READ_ALL_SECONDS = 2.0
 READ = ("id", "name", "assist", "doors", "floor_plan_id", "calls")
 
 
 @dataclass
 class _Published:
-    """What a robot was told last; `doors` are those that terms have ever set."""
+    """The last messages to a robot; `doors` are those that terms have ever set."""
 
     doors: set[str] = field(default_factory=set)
     config: Config | None = None
     floor_plan: str = ""
-    # the robot's row and its plan when they were looked at last while nobody had the robot
+    # the robot's row and its plan when they were last read without a session
     seen: object = None
 
 
 class DesiredState:
-    """Remembers what each robot was told."""
+    """Remembers the last messages to each robot."""
 
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
         self._ownership = ownership
@@ -52,73 +52,79 @@ class DesiredState:
         self._version = ownership.version
         # what tells one state of a plan from another, and the plan, by its key
         self._plans: dict[Any, tuple[str, dict[str, Any]]] = {}
-        self._looked_at = -math.inf
-        self._held: set[Any] = set()  # the robots that somebody had at the last look
-        # robots that had a session, when this began or was given others' robots
-        self._driven: set[Any] | None = None
+        self._read_at = -math.inf
+        self._held: set[Any] = set()  # the robots that a session held at the last tick
+        # robots that had a session before this started or got more robots
+        self._had_session: set[Any] | None = None
 
     def tick(self, now: datetime.datetime) -> Iterator[ManagerMessage]:
-        """Yield what has changed since the last look; everything at the first one. Each counts as
-        said from then on, also when an error of the database ends the look.
+        """Yield the messages that have changed since the last tick; at the first one, all. Each
+        counts as published even if a database error ends the tick.
         """
         if self._version != self._ownership.version:
-            self._version, self._driven = self._ownership.version, None
-            self._looked_at = -math.inf
+            self._version, self._had_session = self._ownership.version, None
+            self._read_at = -math.inf
         held = {
             lease.robot_id: lease.session
             for lease in Lease.objects.filter(session__state__in=LIVE).select_related("session")
             if lease.session
         }
         rows = Robot.objects.order_by()
-        everybody = now.timestamp() - self._looked_at >= LOOK_SECONDS
-        if everybody:
+        reads_all = now.timestamp() - self._read_at >= READ_ALL_SECONDS
+        if reads_all:
             plans = FloorPlan.objects.values_list("pk", "sha256", "plan")
             self._plans = {
                 key: (f"{sha256} {plan}" if sha256 else "", plan) for key, sha256, plan in plans
             }
-        else:  # what a visit changes, its robot is told at once
+        else:  # changes by a session are published at once
             rows = rows.filter(pk__in=held.keys() | self._held)
         self._held = set(held)
-        updates: dict[Any, bytes] = {}
-        # Most robots are as they were: they are compared as rows, for an object of each takes ten
-        # times as long.
+        updates: dict[Any, bytes] = {}  # messages of plans, which several robots may share
         for row in rows.values_list(*READ):
             values = dict(zip(READ, row, strict=True))
-            name = values["name"]
-            if not self._ownership.owns(name):
-                self._published.pop(name, None)  # said again when it is ours
-                continue
-            published = self._published.get(name)
-            session = held.get(values["id"])
-            content, plan = self._plans.get(values["floor_plan_id"], ("", {}))
-            seen = (row, content) if session is None else None
-            if published is not None and seen is not None and published.seen == seen:
-                continue
-            robot = Robot(**values)
-            published = published or self._begin(robot)
-            fixed = terms.of(session) if session is not None else FREE
-            config = _config(
-                robot, session, fixed, _untouched(published.doors | set(fixed.doors), plan)
-            )
-            published.doors |= set(fixed.doors)
-            if published.config != config:
-                published.config = config
-                yield _retained(robot.name, "config", codec.encode(_stamped(config, now)))
-            if content and published.floor_plan != content:
-                key = robot.floor_plan_id
-                updates[key] = updates.get(key) or _update(key)
-                published.floor_plan = content
-                yield _retained(robot.name, "floorplan", updates[key])
-            published.seen = seen
-        if everybody:
-            self._looked_at = now.timestamp()
+            if self._ownership.owns(values["name"]):
+                yield from self._changes(values, held.get(values["id"]), updates, now)
+            else:
+                self._published.pop(values["name"], None)  # published again when it is ours
+        if reads_all:
+            self._read_at = now.timestamp()
+
+    def _changes(
+        self,
+        values: dict[str, Any],
+        session: Session | None,
+        updates: dict[Any, bytes],
+        now: datetime.datetime,
+    ) -> Iterator[ManagerMessage]:
+        published = self._published.get(values["name"])
+        content, plan = self._plans.get(values["floor_plan_id"], ("", {}))
+        # Most robots have not changed. Comparing their rows takes a tenth of the time that creating
+        # their objects would.
+        seen = (values, content) if session is None else None
+        if published is not None and seen is not None and published.seen == seen:
+            return
+        robot = Robot(**values)
+        published = published or self._begin(robot)
+        fixed = terms.of(session) if session is not None else FREE
+        published.doors |= set(fixed.doors)
+        config = _config(robot, session, fixed, _untouched(published.doors, plan))
+        if published.config != config:
+            published.config = config
+            stamped = msgspec.structs.replace(config, stamp=now.timestamp())
+            yield _retained(robot.name, "config", codec.encode(stamped))
+        if content and published.floor_plan != content:
+            key = robot.floor_plan_id
+            updates[key] = updates.get(key) or _update(key)
+            published.floor_plan = content
+            yield _retained(robot.name, "floorplan", updates[key])
+        published.seen = seen
 
     def _begin(self, robot: Robot) -> _Published:
-        """Return what a robot was told before this session manager began, as far as it matters."""
-        if self._driven is None:
+        """Return what matters of the messages that a robot got before this process started."""
+        if self._had_session is None:
             granted = Session.objects.filter(granted_at__isnull=False).order_by()
-            self._driven = set(granted.values_list("robot_id", flat=True).distinct())
-        doors = _doors_before(robot) if robot.pk in self._driven else set()
+            self._had_session = set(granted.values_list("robot_id", flat=True).distinct())
+        doors = _doors_before(robot) if robot.pk in self._had_session else set()
         published = self._published[robot.name] = _Published(doors)
         return published
 
@@ -128,9 +134,7 @@ def _update(plan: Any) -> bytes:
 
 
 def _doors_before(robot: Robot) -> set[str]:
-    """Return the doors that the terms of the robot's last session spoke of, for a session manager
-    that was not there to see it end.
-    """
+    """Return the doors of the last session's terms; its end may have been missed."""
     last = (
         Session.objects.filter(robot=robot, granted_at__isnull=False)
         .order_by("-granted_at")
@@ -141,7 +145,7 @@ def _doors_before(robot: Robot) -> set[str]:
 
 
 def _untouched(doors: set[str], plan: dict[str, Any]) -> dict[str, DoorState]:
-    """Return how doors stand that nobody has set."""
+    """Return the states of doors by the plan; a door that it does not have is open."""
     planned: dict[str, DoorState] = {
         door["name"]: door.get("state", "open") for door in plan.get("doors", ())
     }
@@ -161,10 +165,6 @@ def _config(
         calls=robot.calls,
         network_session=str(session.pk) if session is not None and impaired else None,
     )
-
-
-def _stamped(config: Config, now: datetime.datetime) -> Config:
-    return msgspec.structs.replace(config, stamp=now.timestamp())
 
 
 def _retained(robot: str, suffix: str, payload: bytes) -> ManagerMessage:

@@ -1,6 +1,4 @@
-"""How much room the disk has, asked in a thread that nobody waits for: a disk that dies may never
-answer.
-"""
+"""The free space of the disk, polled in a thread of its own: a disk that fails may never answer."""
 
 import threading
 
@@ -10,9 +8,7 @@ POLL_INTERVAL_S = 0.5
 
 
 class DiskWatch:
-    """`state` is what the disk said last. The thread ends with the process if the disk does not
-    answer at all.
-    """
+    """`state` is the newest answer. A thread whose disk never answers ends with the process."""
 
     def __init__(self, disk: DiskSpace) -> None:
         self.state: DiskState = "ok"
@@ -26,5 +22,5 @@ class DiskWatch:
             self._ending.wait(POLL_INTERVAL_S)
 
     def close(self) -> None:
-        """Ask no more."""
+        """Stop polling."""
         self._ending.set()

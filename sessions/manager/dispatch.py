@@ -1,6 +1,4 @@
-"""What the session manager has heard of sessions, told to the apps above as signals. In the
-scheduler's thread.
-"""
+"""Sends what was received of sessions to the apps above, in the scheduler's thread."""
 
 import uuid
 from collections.abc import Iterable, Mapping
@@ -21,9 +19,7 @@ logger = structlog.stdlib.get_logger(__name__)
 def send_all(
     items: Iterable[Fresh], offsets: Mapping[str, float | None], ownership: Ownership = EVERYTHING
 ) -> None:
-    """Send the signals of what came of our robots; `offsets` has each robot's clock minus ours, in
-    seconds.
-    """
+    """Send the signals of our robots' items; `offsets` in seconds, as state_received has it."""
     for item in items:
         if ownership.is_whole and isinstance(item, PageItem):
             _send_item(item, offsets)
@@ -33,7 +29,7 @@ def send_all(
 
 
 def _robot_of(item: Fresh) -> str | None:
-    """Return the name of the robot that an item is about; None for a session that there is not."""
+    """Return the name of the robot that an item is about; None for an unknown session."""
     if not isinstance(item, PageItem):
         return item.robot
     if item.report.suffix != "page/event":
@@ -49,25 +45,20 @@ def _robot_of(item: Fresh) -> str | None:
 def _send_item(item: Fresh, offsets: Mapping[str, float | None]) -> None:
     match item:
         case StateItem():
-            _send_state(item)
+            send(
+                signals.state_recovered if item.late else signals.state_received,
+                robot=item.robot,
+                session=item.state.session,
+                state=item.state,
+                received_at=item.received_at,
+                clock_offset=item.clock_offset,
+            )
         case EventItem(robot, event, received_at) if event.session is not None:
             _send(robot, event.session, event, received_at, offsets.get(robot))
         case ActionItem(robot, session, status, received_at):
             _send(robot, session, status, received_at, offsets.get(robot))
-        case PageItem():
+        case PageItem() if item.report.suffix == "page/event":
             _send_page(item)
-
-
-def _send_state(item: StateItem) -> None:
-    signal = signals.state_recovered if item.late else signals.state_received
-    send(
-        signal,
-        robot=item.robot,
-        session=item.state.session,
-        state=item.state,
-        received_at=item.received_at,
-        clock_offset=item.clock_offset,
-    )
 
 
 def _send(
@@ -85,8 +76,6 @@ def _send(
 
 def _send_page(item: PageItem) -> None:
     report = item.report
-    if report.suffix != "page/event":
-        return
     try:
         message = protocol.decode(report.suffix, bytes(report.message).decode())
     except (Rejection, UnicodeDecodeError) as error:

@@ -1,21 +1,19 @@
-"""What the session manager lacks to do its work, for its heartbeat: pure, `now` is monotonic
-seconds.
-"""
+"""The faults that keep the session manager from its work: pure, `now` is monotonic seconds."""
 
 from typing import Literal
 
 from robots.api.disk_space import DiskState
 from sessions.disk_full import is_disk_full
 
-HELD_SECONDS = 0.6  # for which a step may take its time
-# for which one that was refused, or took longer, counts: others between them may only have read
+HELD_SECONDS = 0.6  # a step that takes longer is a fault
+# for which a refused or slow step counts: successful ones in between may only have read
 FAILED_SECONDS = 2.0
 Fault = Literal["database", "disk_low", "disk_full"]
 
 
 class ManagerHealth:
-    """How the last steps in the database went: looks, which mostly read, and heartbeats, which
-    write. Steps begin and end in other threads.
+    """The outcome of the last steps in the database: ticks, which mostly read, and heartbeats,
+    which write. Steps begin and end in other threads.
     """
 
     def __init__(self) -> None:
@@ -23,20 +21,20 @@ class ManagerHealth:
         self._refused_at: dict[Fault, float] = {}
 
     def begun(self, step: object, now: float) -> None:
-        """A step went to the database."""
+        """Note that a step has begun."""
         self._begun[step] = now
 
     def ended(self, step: object, now: float) -> None:
-        """It came back, whatever it says."""
+        """Note that a step has ended, with or without an error."""
         if now - self._begun.pop(step) >= HELD_SECONDS:
             self._refused_at["database"] = now
 
     def refused(self, error: Exception, now: float) -> None:
-        """The database refused a step."""
+        """Note that the database refused a step."""
         self._refused_at["disk_full" if is_disk_full(error) else "database"] = now
 
     def faults(self, now: float, disk: DiskState) -> tuple[Fault, ...]:
-        """Return what fails now: a database that says nothing is as good as none."""
+        """Return the present faults; a database that does not answer is one."""
         found = {word for word, at in list(self._refused_at.items()) if now - at < FAILED_SECONDS}
         if any(now - at >= HELD_SECONDS for at in list(self._begun.values())):
             found.add("database")

@@ -1,13 +1,12 @@
-"""What arrives at the session manager, sorted: to the recorder, into memory, and into line for
+"""Sorts what arrives at the session manager: to the recorder, into memory, and into the queues of
 presence and signals.
 
-While robots are shared among several session managers, each hears all of its own robots, and what
-happens seldom of all: events, actions, photos, and what pages say. What is not its own is kept for
-some seconds, because the robot may become its own: when another process has died, what that one
-had heard and not written is here, and the states are asked for again by their numbers.
+While several session managers share the robots, each receives everything of its own robots, and the
+rare messages of all: events, actions, photos and page reports. Those of other robots are kept for
+some seconds. If another process dies and this one gets its robots, the rare messages that it had
+not written are here, and its states are requested again by their numbers.
 
-Runs in the loop's thread and waits for nothing. Bytes that are no message are counted, logged and
-dropped.
+Runs in the loop's thread and never waits. Malformed messages are counted, logged and dropped.
 """
 
 import time
@@ -25,20 +24,20 @@ from robots.api.errors import Rejection
 from sessions import protocol
 from sessions.leases.readiness import ORDERED
 from sessions.manager.robot_liveness import RobotLiveness
-from sessions.recording.builder import EARLY_SECONDS, MOST_EARLY
+from sessions.recording.builder import EARLY_SECONDS, MAX_EARLY
 from sessions.recording.items import ActionItem, EventItem, PageItem, PhotoItem, StateItem
 from sessions.recording.recorder import Recorder
 from sessions.shards.ownership import EVERYTHING, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
-SELDOM = ("event", "action", "photo/+")
-OFTEN = ("connection", "factsheet", "state", "heartbeat")
+RARE = ("event", "action", "photo/+")
+FREQUENT = ("connection", "factsheet", "state", "heartbeat")
 EARLY_BYTES = 32 * 1024 * 1024  # of messages of robots that are not ours
 MAX_UNSENT = 10_000
 MAX_SIGNS = 10_000
-# Answers to what is repeated many times a second, or asked for by the session manager itself, are
-# no part of a record.
+# Answers to actions that are repeated many times a second, or sent by the session manager itself,
+# are not recorded.
 UNRECORDED = frozenset({"", "stop", "estop", "resend_states"})
 _NOTICES = topics.session_notices("")
 _REPORTS = protocol.page_reports("")
@@ -49,12 +48,12 @@ def filters(robots: Iterable[str] = ("+",), *, often_qos: int = 1) -> set[tuple[
 
     Args:
         robots: their names.
-        often_qos: the highest QoS for what comes often. It may be 0, because of what is lost then a
-            state is asked for by its number, and the rest is said again or retained.
+        often_qos: the highest QoS of frequent messages. It may be 0: lost states are requested by
+            their numbers, and the other messages are repeated or retained.
     """
     return {
-        *_of_robots(("+",), SELDOM, 1),
-        *_of_robots(robots, OFTEN, often_qos),
+        *_of_robots(("+",), RARE, 1),
+        *_of_robots(robots, FREQUENT, often_qos),
         (topics.session_notices("+"), 1),
         (protocol.page_reports("+"), 1),
     }
@@ -74,7 +73,7 @@ def _of_robots(
 
 @dataclass(frozen=True, slots=True)
 class _Early:
-    """A message of a robot that is not ours, as it came."""
+    """An encoded message of a robot that is not ours."""
 
     robot: str
     suffix: str
@@ -85,7 +84,7 @@ class _Early:
 
 @dataclass(frozen=True)
 class PresenceNews:
-    """A message that says something of a robot's presence."""
+    """A message about a robot's presence."""
 
     robot: str
     message: messages.Message
@@ -93,8 +92,8 @@ class PresenceNews:
 
     @property
     def key(self) -> tuple[str, str]:
-        """Return of what only the newest counts. What says that a robot is gone may be late, and
-        must not hide that it is back.
+        """Of the news with one key only the newest counts. ONLINE has a key of its own: a late
+        OFFLINE must not hide that the robot is back.
         """
         is_online = isinstance(self.message, messages.Connection) and self.message.state == "ONLINE"
         return self.robot, "online" if is_online else type(self.message).__name__
@@ -104,11 +103,11 @@ class Intake:
     """Takes every message.
 
     Args:
-        recorder: gets what belongs into the record.
+        recorder: receives what belongs into the record.
         clock: Unix seconds.
-        monotonic: seconds that no step of the clock changes.
-        wake_signals: called when `fresh` has something new.
-        wake_scheduler: called when a web process has changed something.
+        monotonic: seconds.
+        wake_signals: called when `fresh` has new items.
+        wake_scheduler: called when a web process has ended a session.
         ownership: whose messages are ours.
     """
 
@@ -135,8 +134,8 @@ class Intake:
         self._presence: dict[tuple[str, str], PresenceNews] = {}
         self._stated: set[str] = set()  # robots with a state that presence_news has not returned
         self._fresh: deque[Fresh] = deque(maxlen=MAX_UNSENT)
-        self.last_received: dict[str, RobotLiveness] = {}
-        self.signs: dict[str, float] = {}  # session: when its page last gave a sign
+        self.liveness: dict[str, RobotLiveness] = {}
+        self.signs: dict[str, float] = {}  # session: last sign of its page (transitions.py)
         self.counts: Counter[str] = Counter()
 
     def receive(self, message: aiomqtt.Message) -> None:
@@ -178,19 +177,17 @@ class Intake:
         self._early_bytes += len(message.payload)
         oldest = message.received_at - EARLY_SECONDS
         while self._early[0].received_at < oldest or (
-            len(self._early) > MOST_EARLY or self._early_bytes > EARLY_BYTES
+            len(self._early) > MAX_EARLY or self._early_bytes > EARLY_BYTES
         ):
             self._early_bytes -= len(self._early.popleft().payload)
 
-    def follow_ownership(self) -> bool:
-        """Forget robots that are not ours any more, and take what those that are ours by now have
-        just said; tell whether there is any change.
-        """
+    def follow_ownership(self) -> None:
+        """Forget robots that were ours, and take kept messages of those that have become ours."""
         if self._version == self._ownership.version:
-            return False
+            return
         self._version = self._ownership.version
-        for robot in [one for one in self.last_received if not self._ownership.owns(one)]:
-            del self.last_received[robot]
+        for robot in [one for one in self.liveness if not self._ownership.owns(one)]:
+            del self.liveness[robot]
         oldest = self._clock() - EARLY_SECONDS
         for early in [self._early.popleft() for _ in range(len(self._early))]:
             if not self._ownership.owns(early.robot):
@@ -198,7 +195,6 @@ class Intake:
             elif early.received_at >= oldest:
                 self._take_early(early)
         self._early_bytes = sum(len(early.payload) for early in self._early)
-        return True
 
     def _take_early(self, early: _Early) -> None:
         try:
@@ -212,21 +208,19 @@ class Intake:
         self, robot: str, suffix: str, payload: bytes, now: float, *, retained: bool
     ) -> None:
         message = codec.decode(suffix, payload, "from_robot")
-        last_received = self.last_received.get(robot) or self.last_received.setdefault(
-            robot, RobotLiveness()
-        )
+        liveness = self.liveness.get(robot) or self.liveness.setdefault(robot, RobotLiveness())
         received = self._monotonic()
         match message:
             case messages.State():
-                late = not last_received.take(message, received)
-                self._on_state(robot, last_received, message, payload, now, late=late)
+                late = not liveness.take(message, received)
+                self._on_state(robot, liveness, message, payload, now, late=late)
             case messages.Heartbeat():
-                last_received.heartbeat(message, received, now)
-                if (refutation := last_received.refutation(now)) is not None:
+                liveness.heartbeat(message, received, now)
+                if (refutation := liveness.refutation(now)) is not None:
                     self._note_presence(PresenceNews(robot, refutation))
             case messages.ActionStatus():
-                last_received.answer(message)
-                session = last_received.state.session if last_received.state is not None else None
+                liveness.answer(message)
+                session = liveness.state.session if liveness.state is not None else None
                 if (
                     session is not None
                     and message.status in messages.ENDED
@@ -236,7 +230,7 @@ class Intake:
             case messages.Event() if message.type != "photo" or not _is_ordered(message.action_id):
                 self._put(EventItem(robot, message, now))
             case messages.Connection():
-                last_received.connection(message, received)
+                liveness.connection(message, received)
                 self._note_presence(PresenceNews(robot, message, retained))
             case messages.Factsheet():
                 self._note_presence(PresenceNews(robot, message, retained))
@@ -246,14 +240,14 @@ class Intake:
     def _on_state(
         self,
         robot: str,
-        last_received: RobotLiveness,
+        liveness: RobotLiveness,
         state: messages.State,
         payload: bytes,
         now: float,
         *,
         late: bool,
     ) -> None:
-        item = StateItem(robot, state, payload, now, last_received.offset.seconds, late=late)
+        item = StateItem(robot, state, payload, now, liveness.offset.seconds, late=late)
         self._recorder.put(item)
         self._stated.add(robot)
         if state.session is not None:
@@ -266,8 +260,7 @@ class Intake:
             != protocol.HERE
         ):
             return
-        # Whatever the robot says of the session meanwhile: on a busy site its state may be late, or
-        # name no session for a moment.
+        # Also when the robot's state names another session or none: on a busy site it may be late.
         self.signs.pop(report.session, None)
         self.signs[report.session] = now
         if len(self.signs) > MAX_SIGNS:
@@ -286,36 +279,30 @@ class Intake:
         self._presence[news.key] = news
 
     def presence_news(self) -> list[PresenceNews]:
-        """Return what came since the last call: of each robot the newest factsheet and state, and
+        """Return the news since the last call: of each robot the newest factsheet and state, and
         the newest connection of either kind.
         """
         stated, self._stated = self._stated, set()
         for robot in stated:
-            liveness = self.last_received.get(robot)
+            liveness = self.liveness.get(robot)
             if liveness is not None and liveness.state is not None:
                 self._note_presence(PresenceNews(robot, liveness.state))
         news, self._presence = self._presence, {}
         return list(news.values())
 
     def repeat_news(self, news: list[PresenceNews]) -> None:
-        """Have news returned again by the next call, before newer ones: they could not be
-        stored.
-        """
+        """Return news that could not be stored again at the next call, before newer ones."""
         newer, self._presence = self._presence, {}
         for one in (*news, *newer.values()):
             self._note_presence(one)
 
     def fresh(self) -> list["Fresh"]:
-        """Return what came of sessions since the last call: states in order of seq but for late
-        ones, and whatever else was said.
-        """
+        """Return the items since the last call; states are in order of seq, but for late ones."""
         return [self._fresh.popleft() for _ in range(len(self._fresh))]
 
 
 def _is_ordered(action_id: str | None) -> bool:
-    """Tell whether something comes of what was ordered between two sessions: such a picture only
-    shows that the camera works.
-    """
+    """Tell whether this answers an order between two sessions, a test of the camera."""
     return (action_id or "").startswith(ORDERED)
 
 

@@ -1,13 +1,13 @@
-"""Whether the session manager before this one is dead: a sign of life that ends with its process,
-however that ends.
+"""Tells whether the previous session manager is dead, by a lock that ends with its process.
 
-A beat that is late does not tell a dead process from one that is held up, so that its successor has
-to wait; the operating system knows at once. So the one that has the row holds a lock on a file in
-VAR_DIR, which the system takes back when the process is gone, and writes its name there. Whoever
-gets the lock and reads the name that stands in the row succeeds somebody who is dead for certain.
-Any other case says nothing, and the beat decides as before: another computer, a process that is
-only stopped, a system without such locks, a file that somebody removed, or copied, for beside the
-name stands which file it was written into, and on which computer.
+A late heartbeat cannot tell a dead process from a slow one, so that its successor must wait for
+seconds; the operating system knows at once. The holder of a slot therefore locks a file in VAR_DIR
+and writes its name there; the system releases the lock when the process ends, however it ends. A
+process that gets the lock and reads the name of the slot's holder succeeds a dead process.
+
+In all other cases the heartbeat decides: on another computer, for a stopped process, on a system
+without such locks, and for a file that was removed or copied. To detect copies, the name is stored
+with the computer and the inode of its file.
 """
 
 import contextlib
@@ -25,14 +25,12 @@ except ImportError:  # Windows
 logger = structlog.stdlib.get_logger(__name__)
 
 MODE = 0o600
-LONGEST = 500
-BOOT = Path("/proc/sys/kernel/random/boot_id")  # of this start of the computer (Linux)
+MAX_BYTES = 500
+BOOT = Path("/proc/sys/kernel/random/boot_id")  # changes with every start of the computer (Linux)
 
 
 class LockFile:
-    """One process's side of it. Nothing here raises: without the file everything takes longer, and
-    that is all.
-    """
+    """The file of a slot. Never raises: without the file, a takeover only takes longer."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -40,15 +38,13 @@ class LockFile:
         self._signed = ""
 
     def predecessor(self) -> str:
-        """Hold the file if nobody does, and return the name in it; empty while somebody else holds
-        it.
-        """
+        """Lock the file and return the name in it; empty while another process has the lock."""
         try:
             self._hold()
             if self._file is None:
                 return ""
             holder, _, place = (
-                os.pread(self._file, LONGEST, 0).decode("utf-8", "replace").partition("\n")
+                os.pread(self._file, MAX_BYTES, 0).decode("utf-8", "replace").partition("\n")
             )
             return holder if place == _place_of(self._file) else ""
         except BlockingIOError:
@@ -58,7 +54,7 @@ class LockFile:
             return ""
 
     def sign(self, holder: str) -> None:
-        """Write our name, if the file is ours."""
+        """Write our name, if the lock is ours."""
         if self._file is None or self._signed == holder:
             return
         try:
@@ -70,7 +66,7 @@ class LockFile:
             self.release()
 
     def release(self) -> None:
-        """Let somebody else hold it."""
+        """Release the lock."""
         if self._file is not None:
             os.close(self._file)
             self._file, self._signed = None, ""
@@ -87,7 +83,7 @@ class LockFile:
 
 
 def _place_of(file: int) -> str:
-    """Return what only this file on this computer is called."""
+    """Return a name that no other file and no other computer has."""
     found = os.fstat(file)
     computer = BOOT.read_text().strip() if BOOT.exists() else socket.gethostname()
     return f"{computer} {found.st_dev}:{found.st_ino}"

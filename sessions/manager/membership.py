@@ -1,10 +1,10 @@
-"""One process's part among the session managers: its slot, its beats, and the shards that it owns.
+"""The membership of one process among the session managers: its slot, heartbeats and shards.
 
-A process takes the lowest slot that nobody occupies, after it has seen every lower one beat. A
-member that was stopped cleanly gives its slot back; one that was killed is dismissed at once by
-another one on its computer, which knows that it is dead (sessions/manager/lock_file.py), and by any
-other when its beats have stopped (sessions/shards/division.py). A process that finds its slot gone
-ends all that it does, and joins again under another name.
+A process takes the lowest free slot, after it has seen every lower one beat. A member that stops
+cleanly gives its slot back. One that is killed is dismissed at once by a member on the same
+computer, which knows that it is dead (sessions/manager/lock_file.py), and by any other when its
+beats have stopped (sessions/shards/division.py). A process that has lost its slot ends its work,
+and joins again under another name.
 """
 
 import os
@@ -42,8 +42,8 @@ class Membership:
     """From joining to leaving, again and again.
 
     Args:
-        lock_files: the folder of the files that tell others on this computer that we are dead.
-        health: is told how beats go.
+        lock_files: the folder of the lock files of this computer.
+        health: receives the outcome of beats.
         clock: monotonic seconds.
         table: the functions of sessions/shards/rows.py.
     """
@@ -67,7 +67,7 @@ class Membership:
         self.slot = -1
         self.ownership = Ownership(self._clock)
         self.gifts: Mapping[str, frozenset[int]] = MappingProxyType({})
-        self.departed: set[int] = set()  # slots that were left since anybody asked
+        self.departed: set[int] = set()  # slots that were left; read and cleared by the service
         self._beats = 1
         self._observer = Observer()
         self._others: set[int] = set()
@@ -78,26 +78,26 @@ class Membership:
         return SHARED_INTERVAL_S if self._others else ALONE_INTERVAL_S
 
     async def join(self) -> bool:
-        """Take a slot; False while it is not known which is free, or the database is away."""
+        """Take a slot; False while none is known to be free, or the database is away."""
         return bool(await self._thread.attempt(self._join, refused=False))
 
     async def beat(self, report: dict[str, Any]) -> bool:
-        """Say that this process lives, and how it does; False when its slot is gone.
+        """Store that this process is alive, with its report; False when it has lost its slot.
 
-        While the database is away nobody can take it, so that this process goes on.
+        While the database is away, no process can take the slot, and this one continues.
         """
         return bool(await self._thread.attempt(self._beat, report, refused=True))
 
     async def release(self, numbers: Collection[int]) -> None:
-        """Own these shards no more, but for what is still to be written."""
+        """Give up these shards, except for writing what was received of them."""
         await self._thread.run(self._release, numbers)
 
     async def hand_over(self, given: Mapping[str, frozenset[int]]) -> None:
-        """Give released shards to others; what the database refuses stays here."""
+        """Give released shards to others; those that the database refuses stay here."""
         await self._thread.attempt(self._hand_over, given)
 
     async def leave(self) -> None:
-        """Let others take the slot at once."""
+        """Give the slot back."""
         self.ownership.become({})
         self.ownership.leaving = MappingProxyType({})
         await self._thread.attempt(self._table.give_back, self.holder)
@@ -114,7 +114,7 @@ class Membership:
         members = self._table.members()
         self._observer.see(members, self._clock())
         slot, before = 0, {member.slot: member for member in members}
-        while (there := before.get(slot)) is not None and not self._is_gone(there):
+        while (there := before.get(slot)) is not None and not self._is_free(there):
             if not self._observer.is_alive(there, self._clock()):
                 return False
             slot += 1
@@ -131,8 +131,8 @@ class Membership:
             note_manager_absence(last, now)
         return True
 
-    def _is_gone(self, member: ManagerSlot) -> bool:
-        """Tell whether nobody occupies a slot any more."""
+    def _is_free(self, member: ManagerSlot) -> bool:
+        """Tell whether a slot has no living holder."""
         return (
             not member.holder
             or self._lock_of(member.slot).predecessor() == member.holder
@@ -147,14 +147,14 @@ class Membership:
             if not self._table.beat(self.slot, self.holder, self._beats, timezone.now(), report):
                 return False
         except (DatabaseError, InterfaceError) as error:
-            if not self._others or is_disk_full(error):  # then nobody else can have beaten either
+            if not self._others or is_disk_full(error):  # no other process can have taken our slot
                 self.ownership.confirm(self._clock())
             raise
         self._lock_of(self.slot).predecessor()  # if another process looked at it when we joined
         self._lock_of(self.slot).sign(self.holder)
         members = self._table.members()
         self._observer.see(members, self._clock())
-        dead = [one for one in members if self._is_other(one) and self._is_gone(one)]
+        dead = [one for one in members if self._is_other(one) and self._is_free(one)]
         for one in dead:
             self._dismiss(one)
         self._free_locks(but=self.slot)
@@ -170,7 +170,7 @@ class Membership:
             logger.warning("session_manager_dismissed", slot=member.slot, holder=member.holder)
 
     def _settle(self, members: list[ManagerSlot], began: float) -> None:
-        """Take the shards that are due to this process, and find out which are due to others."""
+        """Take the shards that are due to this process, and find those that are due to others."""
         slots = tuple(sorted(occupied(members)))
         others = set(slots) - {self.slot}
         self.departed |= self._others - others

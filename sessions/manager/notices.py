@@ -1,27 +1,27 @@
-"""Notices that apps above this one have for pages, waiting for the session manager's next tick.
+"""Notices that apps above this one have for pages, queued until the session manager's next tick.
 
-Receivers of the session manager's signals call `publish`, in its own process; nobody else listens
-here.
+Only receivers of the session manager's signals may call `publish`: the queue exists in its process
+alone.
 """
 
 from collections import deque
 
 from sessions.protocol import Notice
 
-MOST = 10_000
-_waiting: deque[Notice] = deque(maxlen=MOST)
+MAX_NOTICES = 10_000
+_waiting: deque[Notice] = deque(maxlen=MAX_NOTICES)
 
 
 def publish(notice: Notice) -> None:
-    """Have a notice brought to the page of its session."""
+    """Queue a notice for the page of its session."""
     _waiting.append(notice)
 
 
 def are_waiting() -> bool:
-    """Tell whether there is anything to publish."""
+    """Tell whether a notice is queued."""
     return bool(_waiting)
 
 
 def drain() -> list[Notice]:
-    """Return what waits, and forget it."""
+    """Return and remove the queued notices."""
     return [_waiting.popleft() for _ in range(len(_waiting))]

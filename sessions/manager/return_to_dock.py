@@ -1,9 +1,8 @@
-"""Robots between two sessions: the decisions of sessions/leases/readiness.py carried out in the
-database and said to the robots.
+"""Robots between two sessions: the decisions of sessions/leases/readiness.py, carried out in the
+database and sent to the robots.
 
-Runs in the session manager's scheduler thread. What was ordered is remembered here alone: a session
-manager that has just started orders once more, which a robot that is already on its way answers by
-going on.
+Runs in the session manager's scheduler thread. Orders are remembered in memory only: a session
+manager that has just started repeats them, and a robot that is already returning continues.
 """
 
 import datetime
@@ -20,6 +19,7 @@ from robots.models import Robot, RobotPresence
 from sessions import signals, system_log
 from sessions.leases.readiness import LEVEL, ORDERED, Kind, Order, Readiness, RobotCondition, decide
 from sessions.leases.store import LIVE
+from sessions.leases.transitions import STATE_SILENCE
 from sessions.manager.robot_liveness import RobotLiveness
 from sessions.manager.scheduler import ManagerMessage, send
 from sessions.models import Lease
@@ -27,37 +27,36 @@ from sessions.shards.ownership import EVERYTHING, Ownership
 
 logger = structlog.stdlib.get_logger(__name__)
 
-STATE_SILENCE = 3.0
 USER = "session-manager"
 
 
 @dataclass(frozen=True)
 class _Known:
-    """What has to be known of a robot beside its states, from its row."""
+    """The properties of a robot that its states do not have, from its row."""
 
     tilt_home: float | None
     dock: tuple[float, float, float] | None
-    sees: bool
+    has_camera: bool
 
 
 class ReturnToDock:
-    """Everything that is remembered between two looks."""
+    """The readiness of robots that are under way, remembered between two ticks."""
 
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
         self._ownership = ownership
         self._under_way: dict[str, Readiness] = {}
 
     def tick(
-        self, last_received: Mapping[str, RobotLiveness], now: datetime.datetime, monotonic: float
+        self, liveness: Mapping[str, RobotLiveness], now: datetime.datetime, monotonic: float
     ) -> Iterator[ManagerMessage]:
-        """Bring every robot that is not ready a step nearer to it; yield what is to be said. Both
-        times are those of the present; what is waited for is measured by `monotonic`, in seconds.
+        """Advance every robot that is not ready; yield the messages to publish. Both times are the
+        present; durations are measured by `monotonic`, in seconds.
         """
         rows = Robot.objects.exclude(presence__turnaround=Robot.Turnaround.READY).select_related(
             "floor_plan"
         )
         away = [robot for robot in rows if self._ownership.owns(robot.name)]
-        driven = set(
+        held = set(
             Lease.objects.filter(robot__in=away, session__state__in=LIVE).values_list(
                 "robot_id", flat=True
             )
@@ -69,39 +68,39 @@ class ReturnToDock:
         }
         for robot in away:
             with self._ownership.about(robot.name):
-                if robot.pk in driven or not robot.can_go_home or not robot.enabled:
-                    yield from self._let_be(robot, now, monotonic)
+                if robot.pk in held or not robot.can_go_home or not robot.enabled:
+                    yield from self._cancel(robot, now, monotonic)
                 else:
-                    yield from self._bring(robot, last_received.get(robot.name), now, monotonic)
+                    yield from self._advance(robot, liveness.get(robot.name), now, monotonic)
 
-    def _let_be(
+    def _cancel(
         self, robot: Robot, now: datetime.datetime, monotonic: float
     ) -> Iterator[ManagerMessage]:
-        """A visitor or an operator has taken it, or it need not go home any more."""
+        """End the return of a robot that a session holds, or that need not return any more."""
         order = self._under_way.pop(robot.name, Readiness()).order
         if order is not None and not order.is_over(monotonic):
             yield _outbound(robot, messages.Cancel(**_signature(now), target=order.action_id))
         self._save(robot, Readiness("ready"), now)
 
-    def _bring(
+    def _advance(
         self,
         robot: Robot,
-        last_received: RobotLiveness | None,
+        liveness: RobotLiveness | None,
         now: datetime.datetime,
         monotonic: float,
     ) -> Iterator[ManagerMessage]:
         known = _known(robot)
         before = self._under_way.get(robot.name, Readiness(reason=robot.presence.turnaround_reason))
         turnaround, kind = decide(
-            _answered(before, last_received),
-            _condition(robot, known, last_received, monotonic),
+            _with_status(before, liveness),
+            _condition(robot, known, liveness, monotonic),
             monotonic,
         )
         if kind is not None:
             action = _action(kind, known, now)
             turnaround = replace(turnaround, order=Order(action.action_id, kind, monotonic))
             logger.info("robot_sent_home", robot=robot.name, kind=kind, action=action.action_id)
-        # First, as an order that the database or the fence refuses is not given.
+        # First, so that no order is sent that the database or the fence refuses.
         self._save(robot, turnaround, now)
         self._under_way[robot.name] = turnaround
         if turnaround.phase == "ready":
@@ -128,12 +127,12 @@ class ReturnToDock:
             system_log.log("robot_ready", robot=robot, at=now, after=before)
 
 
-def _answered(turnaround: Readiness, last_received: RobotLiveness | None) -> Readiness:
-    """Take the robot's newest word about what it was told."""
+def _with_status(turnaround: Readiness, liveness: RobotLiveness | None) -> Readiness:
+    """Add the robot's newest answer to its order."""
     order = turnaround.order
     status = (
-        last_received.answers.get(order.action_id)
-        if last_received is not None and order is not None
+        liveness.answers.get(order.action_id)
+        if liveness is not None and order is not None
         else None
     )
     return (
@@ -144,28 +143,28 @@ def _answered(turnaround: Readiness, last_received: RobotLiveness | None) -> Rea
 
 
 def _condition(
-    robot: Robot, known: _Known, last_received: RobotLiveness | None, now: float
+    robot: Robot, known: _Known, liveness: RobotLiveness | None, now: float
 ) -> RobotCondition:
-    state = last_received.state if last_received is not None else None
+    state = liveness.state if liveness is not None else None
     if (
-        last_received is None
+        liveness is None
         or state is None
-        or last_received.state_at is None
-        or now - last_received.state_at > STATE_SILENCE
+        or liveness.state_at is None
+        or now - liveness.state_at > STATE_SILENCE
     ):
-        return RobotCondition(heard=False)
+        return RobotCondition(is_current=False)
     level = (
         known.tilt_home is None or state.tilt is None or abs(state.tilt - known.tilt_home) <= LEVEL
     )
     return RobotCondition(
-        let_go=state.session is None,
-        prompt=last_received.is_prompt(now),
-        sees=known.sees,
+        driver_released=state.session is None,
+        is_responsive=liveness.is_prompt(now),
+        has_camera=known.has_camera,
         estop=state.safety.estop,
         stopped=state.session is None and state.safety.inhibited == "stopped",
         docked=state.docked,
         localized=state.pose.localized,
-        level=level,
+        head_is_level=level,
         charge=state.battery.charge,
         charge_limit=robot.charge_limit,
     )

@@ -1,13 +1,11 @@
-"""What the session manager has heard of robots, in memory: the newest state of each, whether it is
-driven, and its clock.
-"""
+"""The newest state, signs of the driver, and clock of each robot, in memory."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
-from robots.api.idle import HEARD_SECONDS
+from robots.api.idle import ONLINE_SECONDS
 from robots.api.messages import ActionStatus, Connection, Heartbeat, State
 from robots.bridge.known import refutation
 from sessions.leases.transitions import RobotLink
@@ -17,8 +15,8 @@ PEER = "server"
 AWAKE_SECONDS = 2.0  # an idle robot sends no heartbeats, any other five a second
 ANSWERS_KEPT = 50
 ECHO_SECONDS = 5.0
-# seconds: twice the age at which a robot refuses a command, so whoever drives it over the broker
-# could not
+# Seconds: twice the age at which a robot refuses a command, so that it cannot be driven over the
+# broker.
 ROUND_TRIP = 0.5
 NO_SIGNS: Mapping[str, float] = MappingProxyType({})
 BY_ITSELF = frozenset({"goto", "docking"})
@@ -26,9 +24,7 @@ BY_ITSELF = frozenset({"goto", "docking"})
 
 @dataclass
 class RobotLiveness:
-    """One robot. Times in seconds of a monotonic clock, of receipt: a step of the server's clock
-    makes no robot silent.
-    """
+    """One robot. Times are monotonic seconds: jumps of the clock make no robot silent."""
 
     last_received_at: float = -math.inf
     boot: str = ""
@@ -39,42 +35,42 @@ class RobotLiveness:
     active_at: float | None = None
     page: tuple[str, int] | None = None  # session and epoch of the page that drives, or drove last
     beat_at: float = -math.inf
-    echoed_at: float = -math.inf  # when it answered a beat of ours
-    gone_at: float | None = None
+    echoed_at: float = -math.inf  # when it last echoed a heartbeat of ours
+    offline_at: float | None = None  # when OFFLINE was received; None while it is online
     offset: ClockOffset = field(default_factory=lambda: ClockOffset(PEER))
     beats: int = 0
     answers: dict[str, ActionStatus] = field(default_factory=dict)
 
     def connection(self, message: Connection, now: float) -> None:
-        """Note that the robot came or went; a new run of the agent may have another clock."""
+        """Note ONLINE or OFFLINE; a new run of the agent may have another clock."""
         if message.state == "ONLINE":
-            self.last_received_at, self.gone_at = now, None
+            self.last_received_at, self.offline_at = now, None
             self._new_run(message.boot)
         elif message.boot == self.boot:
-            self.gone_at = now
+            self.offline_at = now
 
     def heartbeat(self, message: Heartbeat, now: float, unix: float) -> None:
-        """Note a beat that came now, which is `unix` by our clock."""
+        """Note a heartbeat that was received at `now`, `unix` by our clock."""
         self.last_received_at = self.beat_at = now
         if self.offset.on_heartbeat(message, unix):
             self.echoed_at = now
 
     def refutation(self, unix: float) -> Connection | None:
-        """Return what a robot that is said to have gone and still beats would say; once."""
-        found = refutation(self.boot, self.gone_at, self.beat_at, unix)
+        """Return, once, an ONLINE for a robot that was reported offline and still sends beats."""
+        found = refutation(self.boot, self.offline_at, self.beat_at, unix)
         if found is not None:
-            self.gone_at = None
+            self.offline_at = None
         return found
 
     def answer(self, status: ActionStatus) -> None:
-        """Note how far an action is, of the last few."""
+        """Note the status of an action; those of the last ANSWERS_KEPT are kept."""
         self.answers.pop(status.action_id, None)
         self.answers[status.action_id] = status
         if len(self.answers) > ANSWERS_KEPT:
             del self.answers[next(iter(self.answers))]
 
     def take(self, state: State, now: float) -> bool:
-        """Note a state; False when it is an older one, sent again."""
+        """Note a state; False when it is an older one."""
         self.last_received_at = now
         self._new_run(state.boot)
         if state.seq <= self.seq:
@@ -89,12 +85,12 @@ class RobotLiveness:
         return True
 
     def _is_sign(self, state: State) -> bool:
-        """Tell whether a state shows that its driver is there: a page has come, drives, talks, or
-        has told the robot where to go. While the emergency stop is on, there is nothing to do, and
-        nobody else could drive.
+        """Tell whether a state shows that its driver is present: a page has connected, drives,
+        talks, or has sent the robot somewhere. An active emergency stop counts, too: there is
+        nothing that a driver could do, and no other visitor could drive.
         """
         before = self.page
-        if state.session is not None:  # a lease that lapsed and was renewed is no page that came
+        if state.session is not None:  # a lease that lapsed and was renewed is not a new page
             self.page = (state.session, state.epoch)
         return (
             self.page != before
@@ -109,25 +105,23 @@ class RobotLiveness:
             self.boot, self.seq, self.offset = boot, -1, ClockOffset(PEER)
 
     def is_present(self, now: float) -> bool:
-        """Tell whether the robot was heard of lately; an idle one is silent for half a minute."""
-        return now - self.last_received_at < HEARD_SECONDS
+        """Tell whether the robot has sent anything recently; an idle one sends twice a minute."""
+        return now - self.last_received_at < ONLINE_SECONDS
 
     def is_awake(self, now: float) -> bool:
-        """Tell whether the robot speaks at its full rate."""
+        """Tell whether the robot sends at its full rate."""
         return now - self.beat_at < AWAKE_SECONDS
 
     def is_prompt(self, now: float) -> bool:
-        """Tell whether the robot answers our beats, and at the best of the last ones soon enough to
-        be driven.
-        """
+        """Tell whether the robot echoes our heartbeats soon enough to be driven."""
         trip = self.offset.round_trip
         return trip is not None and trip <= ROUND_TRIP and now - self.echoed_at <= ECHO_SECONDS
 
     def link(
         self, since: float, signs: Mapping[str, float] = NO_SIGNS, *, shift: float = 0.0
     ) -> RobotLink:
-        """Return what the scheduler needs to know, in Unix seconds: those of the monotonic clock
-        plus `shift`. `signs` are those of pages, of every session.
+        """Return the scheduler's input, in Unix seconds: monotonic ones plus `shift`. `signs` are
+        those of the pages of all sessions.
         """
         last_received_at = self.last_received_at + shift
         state = self.state

@@ -1,9 +1,9 @@
-"""What the session manager does in the database twice a second: all that is due, and collecting
-what is to be published.
+"""The session manager's work in the database, twice a second: everything that is due, and the
+messages to publish.
 
-Synchronous; all of it runs in one thread of the session manager. What it decides stands in the
-database before anybody is told, and what is to be told waits in `outbox` until the loop has
-published it, so that an error half-way loses nothing.
+Synchronous, in one thread of the session manager. Each decision is stored before it is published,
+and messages stay in `outbox` until the loop has published them, so that an error half-way loses
+nothing.
 """
 
 import datetime
@@ -17,6 +17,7 @@ import msgspec
 import structlog
 from django.conf import settings
 from django.db import DatabaseError
+from django.db.models import Q
 from django.dispatch import Signal
 
 from robots import log_ids
@@ -30,10 +31,9 @@ from sessions.leases.policy import PAGE_GONE_SECONDS, Scene, minutes_until_turn,
 from sessions.leases.store import (
     LIVE,
     count_renewal,
-    hold_of,
-    lease_message,
     load_scene,
     load_scenes,
+    message_of,
     rules_of,
 )
 from sessions.leases.transitions import (
@@ -54,20 +54,16 @@ from sessions.shards.ownership import EVERYTHING, Ownership
 logger = structlog.stdlib.get_logger(__name__)
 
 CLOSE_AGAIN_SECONDS = 5.0
-# for which a robot is not as the next session needs it before anybody is called: one that has just
-# come says how it is
+# How long a robot must fail to meet the next session's terms before its staff is called: a robot
+# that has just connected may only not have reported yet.
 CALL_SECONDS = 5.0
-NEVER = (-1, 0.0)  # epoch and time of a lease that was not published yet
-UNREAD = (
-    "presence__report",
-    "doors",
-    "description",
-)  # of a robot, which nobody needs here twice a second
+NEVER = (-1, 0.0)  # epoch and time of a lease that has not been published
+UNREAD = ("presence__report", "doors", "description")  # columns of a robot that are not needed here
 
 
 @dataclass(frozen=True)
 class ManagerMessage:
-    """Something to publish at QoS 1; `retain` for leases."""
+    """A message to publish at QoS 1; leases are retained."""
 
     topic: str
     payload: bytes
@@ -79,14 +75,14 @@ def _robot_of(outbound: ManagerMessage) -> str:
 
 
 def notice_message(notice: Notice) -> ManagerMessage:
-    """Return what web processes hand on to the session's page."""
+    """Return the message by which a notice reaches the web process of its page."""
     frame = protocol.notice_frame(notice)
     return ManagerMessage(topics.session_notices(notice.session), frame.encode())
 
 
 class Scheduler:
-    """Everything that the session manager remembers between two ticks; the rest is in the
-    database. Robots that are not ours are another session manager's.
+    """The session manager's memory between two ticks; everything else is in the database. Robots
+    that are not ours belong to another session manager.
     """
 
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
@@ -97,41 +93,43 @@ class Scheduler:
         self.outbox: deque[ManagerMessage] = deque()
         self._leases: dict[str, tuple[int, float]] = {}  # robot: epoch, when renewed
         self._counted: dict[str, tuple[int, int]] = {}  # robot: epoch, number of the newest copy
-        # what who waits was told last: place, whole minutes, why it is not ready; or of their turn
-        self._told: dict[str, tuple[int, int, str] | Literal["offered"]] = {}
-        self._warned: dict[str, int] = {}  # session: when its turn ends, as it was last told
+        # session: the last notice to its waiting page: place, whole minutes, reason; or the offer
+        self._last_notice: dict[str, tuple[int, int, str] | Literal["offered"]] = {}
+        self._warned: dict[str, int] = {}  # session: the end of its turn in the last warning
         # robot: which session was asked for a sign, and when
         self._asked: dict[str, tuple[str, float]] = {}
         self._web_absences = WebAbsences()
-        # When the clock made a step (Unix seconds). Until pages were seen again since then, nothing
-        # tells how long they have been away.
+        # When the clock last jumped (Unix seconds). Until pages are seen again, it is not known how
+        # long they have been away.
         self.stepped_at = -math.inf
-        # session: why the robot is not as it needs it, and since when
+        # session: why the robot does not meet its terms, and since when
         self._unready: dict[str, tuple[str, float]] = {}
         self._published: set[str] = set()
         self._closing: dict[str, float] = {}
 
     def begin(self) -> None:
-        """Forget what was published: a new broker, or an old one that has forgotten it too, is told
-        everything again.
+        """Forget what was published, so that a new or restarted broker gets everything again.
 
-        The broker may have kept a lease of any robot from before a crash, so that the next renewal
-        tells each who drives, or that nobody does: what is read here may be out of date by then.
+        The broker may still have a lease of any robot from before a crash. The next renewal
+        therefore publishes a lease for each robot, empty if it has no driver, and reads the leases
+        itself: any that were read here could be out of date by then.
         """
         for outbound in [outbound for outbound in self.outbox if outbound.retain]:
             self.outbox.remove(outbound)
         names = Robot.objects.values_list("name", flat=True)
         self._leases = dict.fromkeys(filter(self._ownership.owns, names), NEVER)
-        self._told, self._warned = {}, {}
+        self._last_notice, self._warned = {}, {}
 
     def _follow_ownership(self, now: datetime.datetime) -> None:
-        """Forget robots that another session manager has by now; tell those that are ours by now
-        everything again, and give them time to say something.
+        """Forget robots that have moved to another session manager. For newly acquired robots,
+        publish everything again and wait for their first state.
         """
         version, epochs = self._ownership.version, self._ownership.epochs
         if self._version == version:
             return
-        names = list(Robot.objects.values_list("name", flat=True))  # first, since it may be refused
+        names = list(
+            Robot.objects.values_list("name", flat=True)
+        )  # first, because the database may refuse it
         gained = epochs.keys() - self._shards
         self._version, self._shards = version, frozenset(epochs)
         for name in names:
@@ -145,16 +143,16 @@ class Scheduler:
         for known in (self._leases, self._counted, self._asked, self._gained):
             known.pop(name, None)
         for outbound in [one for one in self.outbox if one.retain and _robot_of(one) == name]:
-            self.outbox.remove(outbound)  # its new owner says all of it
+            self.outbox.remove(outbound)  # its new owner publishes all of it
 
     def tick(
         self, links: dict[str, RobotLink], default: RobotLink, now: datetime.datetime
     ) -> list[CloseItem]:
-        """Do what is due everywhere; return the sessions whose record can be closed.
+        """Do everything that is due; return the sessions whose record can be closed.
 
         Args:
-            links: what was last heard of each robot, by name.
-            default: for a robot that was not heard of.
+            links: the last messages of each robot, by name.
+            default: for a robot that has sent none.
             now: aware.
         """
         self._follow_ownership(now)
@@ -165,7 +163,10 @@ class Scheduler:
         scenes = load_scenes(robots, now)
         for robot in robots:
             link = links.get(robot.name, default)
-            since = max(link.since, self._gained.get(robot.name, 0.0))
+            if (gained := self._gained.get(robot.name, 0.0)) > now.timestamp():
+                # the clock was set back: the robot has as long from now on
+                gained = self._gained[robot.name] = now.timestamp()
+            since = max(link.since, gained)
             link = replace(link, since=since, asked=self._asked.get(robot.name))
             with log_ids.about(robot=robot.name), self._ownership.about(robot.name):
                 if now.timestamp() - self.stepped_at >= PAGE_GONE_SECONDS:
@@ -177,7 +178,7 @@ class Scheduler:
         return self._finish(now)
 
     def _busy_robots(self) -> list[Robot]:
-        """Return those of our robots that have a session; of others not even the rows are read."""
+        """Return those of our robots that have a session; only their rows are read in full."""
         living = Session.objects.filter(state__in=LIVE).values_list("robot_id", "robot__name")
         held = Lease.objects.filter(session__isnull=False).values_list("robot_id", "robot__name")
         ours = {key for key, name in {*living, *held} if self._ownership.owns(name)}
@@ -216,7 +217,7 @@ class Scheduler:
     def _publish_moved(self, move: Move, robot: Robot, now: datetime.datetime) -> None:
         self._note(move.session, move.state, now)
         if move.state == "driving" and move.session == self._asked.get(robot.name, ("",))[0]:
-            # Who was away could not answer, and is asked once more.
+            # The visitor was disconnected and could not answer.
             asked = AskedThere(session=move.session, seconds=ANSWER_SECONDS)
             self._publish_recorded(asked, robot, now)
 
@@ -225,9 +226,9 @@ class Scheduler:
     ) -> None:
         self._record(notice, now)
         self._send(notice)
-        match notice:  # last: what the database refused to record is said at the next tick
+        match notice:  # last, so that the next tick repeats what the database refused to record
             case Offered():
-                self._told[notice.session] = "offered"
+                self._last_notice[notice.session] = "offered"
             case AskedThere():
                 self._asked[robot.name] = notice.session, now.timestamp()
             case FoundThere():
@@ -253,8 +254,8 @@ class Scheduler:
             place = place_in_queue(scene, session.id, now.timestamp())
             minutes = minutes_until_turn(scene, place, rules, now.timestamp())
             published = (place, round(minutes), scene.waits_for)
-            if self._told.get(session.id) != published:
-                self._told[session.id] = published
+            if self._last_notice.get(session.id) != published:
+                self._last_notice[session.id] = published
                 queued = protocol.Queued(
                     session=session.id, place=place, minutes=minutes, reason=scene.waits_for
                 )
@@ -262,16 +263,16 @@ class Scheduler:
         self._publish_unready(robot, scene, now)
 
     def _offer_again(self, session: str, seconds: float) -> None:
-        """Say that a turn is offered where a session manager or a broker before this one may have
-        died between its decision and the page: a visitor who never hears of it loses the turn.
+        """Send an offer again if a previous session manager or broker may have died before the page
+        received it: a visitor without the notice loses the turn.
         """
-        if self._told.get(session) != "offered":
-            self._told[session] = "offered"
+        if self._last_notice.get(session) != "offered":
+            self._last_notice[session] = "offered"
             self._send(Offered(session=session, seconds=max(0.0, seconds)))
 
     def _publish_unready(self, robot: Robot, scene: Scene, now: datetime.datetime) -> None:
-        """Note for whom a free robot is not ready; have it go home if that helps, and after some
-        seconds call those who look after it.
+        """Record which sessions a free robot is not ready for; send it to its dock if that helps,
+        and call its staff after CALL_SECONDS.
         """
         if not scene.ready or scene.holder is not None:
             return
@@ -294,8 +295,8 @@ class Scheduler:
                 self._call_staff(robot, session.id, reason, now)
 
     def _call_staff(self, robot: Robot, session: str, reason: str, now: datetime.datetime) -> None:
-        """Once for each session and reason, whatever a session manager before this one has done."""
-        called = _recorded(session, "staff_called").values_list("data", flat=True)
+        """Call the staff once for each session and reason, across restarts of this process."""
+        called = SessionEvent.server_events(session, "staff_called").values_list("data", flat=True)
         if reason in {data.get("reason") for data in called}:
             return
         self._note(session, "staff_called", now, reason=reason)
@@ -319,24 +320,17 @@ class Scheduler:
 
     @staticmethod
     def _note(session: str, kind: str, now: datetime.datetime, **data: Any) -> None:
-        SessionEvent.objects.create(
-            session_id=session,
-            source=SessionEvent.Source.SERVER,
-            type=kind,
-            stamp=now.timestamp(),
-            received_at=now.timestamp(),
-            data=data,
-        )
+        SessionEvent.of_server(session, kind, now, data).save(force_insert=True)
 
     # --- leases -----------------------------------------------------------------------------------
 
     def renew(self, now: datetime.datetime) -> bool:
-        """Publish every lease that is new or due, and that nobody drives where somebody did; tell
-        whether there was any.
+        """Publish every lease that is new or due, and an empty one for each robot that has lost its
+        driver; tell whether there was any.
 
-        A session may end between the reading of its lease and the publishing, and the robot hear of
-        its end first. So this is no part of a look, which takes longer, and whoever has published a
-        lease asks again at once.
+        A session may end after its lease is read here and before it is published, so that the robot
+        receives the end first and the lease after it. Renewal is therefore separate from the tick,
+        which takes longer, and the caller repeats it until there is nothing to publish.
         """
         self._follow_ownership(now)
         before = len(self.outbox)
@@ -351,7 +345,7 @@ class Scheduler:
         for name in self._leases.keys() - held.keys():
             del self._leases[name]
             self._counted.pop(name, None)
-            if self._ownership.owns(name):  # who got it meanwhile says who drives it
+            if self._ownership.owns(name):  # a new owner publishes its lease
                 self._publish_lease(name, b"")
         due = {}
         for name, (key, epoch, state) in held.items():
@@ -359,8 +353,7 @@ class Scheduler:
                 continue  # it is being granted: its terms are not fixed yet
             known, renewed = self._leases.get(name, NEVER)
             if known != epoch:
-                # Robots that were taken together, as by a class, are not renewed together from then
-                # on.
+                # Spreads later renewals of robots that were taken together, as by a class.
                 due[key] = random.random() * settings.LEASE_RENEWAL_SECONDS
             elif now.timestamp() - renewed >= settings.LEASE_RENEWAL_SECONDS:
                 due[key] = 0.0
@@ -373,56 +366,40 @@ class Scheduler:
         return len(self.outbox) > before
 
     def _renew_one(self, lease: Lease, now: datetime.datetime, early: float) -> None:
-        """Publish a lease; the next renewal comes so many seconds sooner."""
-        renewal = self._count_renewal(lease)
-        if renewal is None:
-            return
-        self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
-        hold = hold_of(lease)
-        session = lease.session
-        assert session is not None
-        fixed, who = terms.of(session), session.visitor.sent_name
-        message = lease_message(
-            lease.robot,
-            who,
-            hold,
-            renewal=renewal,
-            stamp=now.timestamp(),
-            assist=session.assist,
-            fixed=fixed,
-        )
-        self._publish_lease(lease.robot.name, codec.encode(message))
+        """Publish a lease; its next renewal is due `early` seconds sooner."""
+        if self._count_renewal(lease):
+            self._leases[lease.robot.name] = (lease.epoch, now.timestamp() - early)
+            self._publish_lease(lease.robot.name, codec.encode(message_of(lease, now)))
 
-    def _count_renewal(self, lease: Lease) -> int | None:
-        """Return the number of the next copy, None when the lease has changed meanwhile.
+    def _count_renewal(self, lease: Lease) -> bool:
+        """Give the next copy its number; False when the lease has changed since it was read.
 
-        A full disk takes no numbers, and nobody else can get the lease either: they are counted
-        here until there is room.
+        A full disk stores no numbers, and for the same reason no other process can change the
+        lease: until there is room, the numbers are counted in memory.
         """
         epoch, counted = self._counted.get(lease.robot.name, (lease.epoch, 0))
         renewal: int = max(lease.renewal, counted if epoch == lease.epoch else 0) + 1
         try:
             ours = self._ownership.condition(lease.robot.name)
-            if count_renewal(lease, renewal, ours) is None:
-                return None
+            if not count_renewal(lease, renewal, ours):
+                return False
         except DatabaseError as error:
             if not is_disk_full(error):
                 raise
+            lease.renewal = renewal
         self._counted[lease.robot.name] = (lease.epoch, renewal)
-        return renewal
+        return True
 
     def _publish_lease(self, robot: str, payload: bytes) -> None:
-        # Before all news: whoever drives without a lease would go on for as long as those take.
+        # Before all other messages: a driver without a lease would continue while those are sent.
         self.outbox.appendleft(ManagerMessage(topics.of(robot, "lease"), payload, retain=True))
 
     # --- ends -------------------------------------------------------------------------------------
 
     def _finish(self, now: datetime.datetime) -> list[CloseItem]:
-        """Tell of sessions that have ended, whoever ended them, and ask for their records to be
-        closed.
-        """
+        """Publish the end of sessions, by any process; return the records to close."""
         items, published, closing = [], self._published, self._closing
-        self._published, self._closing = set(), {}  # what is closed by now need not be remembered
+        self._published, self._closing = set(), {}  # forgets closed ones
         for session in Session.objects.filter(
             state=Session.State.ENDED, closed_at=None
         ).select_related("robot"):
@@ -442,10 +419,10 @@ class Scheduler:
         return items
 
     def _publish_end(self, session: Session, now: datetime.datetime) -> None:
-        for known in (self._told, self._unready):
+        for known in (self._last_notice, self._unready):
             known.pop(str(session.pk), None)
-        if _recorded(str(session.pk), "ended").exists():
-            return  # by a session manager before this one
+        if SessionEvent.server_events(session, "ended").exists():
+            return  # by a previous session manager
         ended = Ended(
             session=str(session.pk), outcome=session.outcome, reason=session.outcome_reason
         )
@@ -462,22 +439,28 @@ class Scheduler:
         )
 
 
-def _recorded(session: str, kind: str) -> Any:
-    """Return what session managers, this or those before, have recorded of this kind."""
-    return SessionEvent.objects.filter(
-        session=session, source=SessionEvent.Source.SERVER, type=kind
-    )
-
-
 def _is_warned(session: str, ends_at: int) -> bool:
     """Tell whether the warning that the turn ends at this time has been recorded."""
-    warnings = _recorded(session, protocol.NOTICE_NAMES[TurnWarning])
+    warnings = SessionEvent.server_events(session, protocol.NOTICE_NAMES[TurnWarning])
     ends = (stamp + data["remaining"] for stamp, data in warnings.values_list("stamp", "data"))
     return any(abs(end - ends_at) <= 1 for end in ends)
 
 
+def needed_robots() -> frozenset[str]:
+    """Return the names of the robots that the session manager needs: those with a living session,
+    on the way to the next one, or that may still owe states. All others may be idle
+    (robots/api/idle.py).
+    """
+    unclosed = Q(state__in=LIVE) | Q(state=Session.State.ENDED, closed_at=None)
+    busy = Session.objects.filter(unclosed).values("robot_id")
+    needed = Robot.objects.filter(
+        Q(pk__in=busy) | ~Q(presence__turnaround=Robot.Turnaround.READY), enabled=True
+    )
+    return frozenset(needed.order_by().values_list("name", flat=True))
+
+
 def send(signal: Signal, **news: Any) -> None:
-    """Send a signal; what a receiver raises is logged and stops nobody."""
+    """Send a signal; an exception of a receiver is logged and reaches no other."""
     for receiver, answer in signal.send_robust(sender=Session, **news):
         if isinstance(answer, Exception):
             logger.error("signal_receiver_failed", receiver=receiver, exc_info=answer)

@@ -1,19 +1,17 @@
-"""The session manager: the process that owns time, of all robots or of its share of them.
+"""The session manager: the process that applies time to sessions, of all robots or of its share.
 
-Its event loop carries messages and never waits for anything else. Three threads wait: the recorder
-writes the record, the scheduler looks at sessions, presence and signals, and a third keeps the
-heartbeat by which this process owns its shards of the robots.
+Its event loop carries messages and never waits for anything else. Three threads use the database:
+the recorder writes the record, the scheduler works on sessions, presence and signals, and a third
+keeps the heartbeat by which this process owns its shards of the robots.
 
 Three lifetimes, three classes: `Membership` lives as long as the process, `ActiveManager` while it
-has its slot, `BrokerConnection` from one connection to its loss. Whatever goes wrong with
-broker or database is reported, and begun again. `run` ends when it is told to, or with an error
-when the recorder has died, for then nothing would be recorded any more.
+has its slot, `BrokerConnection` from one connection to its loss. Failures of broker and database
+are logged and retried. `run` ends after `stop`, or with an error when the recorder has died, as
+nothing would be recorded any more.
 """
 
 import asyncio
 import random
-import time
-from collections.abc import Callable
 
 import structlog
 from django.conf import settings
@@ -33,20 +31,12 @@ class SessionManager:
         url: the broker's address, or those of its nodes, comma-separated.
         credentials: user and password there.
         rng: spreads reconnections.
-        clock: Unix seconds.
     """
 
-    def __init__(
-        self,
-        url: str,
-        credentials: tuple[str, str],
-        rng: random.Random,
-        clock: Callable[[], float] = time.time,
-    ) -> None:
+    def __init__(self, url: str, credentials: tuple[str, str], rng: random.Random) -> None:
         self._nodes = parse_nodes(url)
         self._credentials = credentials
         self._rng = rng
-        self._clock = clock
         self._health = ManagerHealth()
         self._membership = Membership(settings.VAR_DIR, self._health)
         self._stopping = asyncio.Event()
@@ -55,14 +45,14 @@ class SessionManager:
         self.active: ActiveManager | None = None
 
     def stop(self) -> None:
-        """Have `run` write what is there and return."""
+        """Have `run` write the rest of the record and return."""
         self._stopping.set()
 
     async def run(self) -> None:
-        """Serve as soon as there is a slot; and again, when this one was taken for dead.
+        """Serve as soon as a slot is free; and again, if others took this process for dead.
 
         Raises:
-            RecorderDied: nothing is recorded any more.
+            RecorderDied: the recorder's thread has ended.
         """
         waits = False
         try:
@@ -84,7 +74,6 @@ class SessionManager:
             self._nodes,
             self._credentials,
             self._rng,
-            self._clock,
             self._health,
             self.connected,
             membership,
@@ -98,7 +87,7 @@ class SessionManager:
             await self._close(active)
 
     async def _beat(self, active: ActiveManager) -> bool:
-        """Beat, and begin what is due by what others have done; False when the slot is gone."""
+        """Beat, and react to changes of other members; False when the slot is lost."""
         membership, version = self._membership, self._membership.ownership.version
         if not await membership.beat(active.report()):
             logger.error("session_manager_replaced", holder=membership.holder)
@@ -114,7 +103,7 @@ class SessionManager:
         return True
 
     async def _give(self, active: ActiveManager, gifts: dict[str, frozenset[int]]) -> None:
-        """Hand shards over, when all that was heard of their robots is written."""
+        """Hand shards over, when everything received of their robots is written."""
         numbers = frozenset[int]().union(*gifts.values())
         await self._membership.release(numbers)
         try:
@@ -123,7 +112,7 @@ class SessionManager:
             await self._membership.hand_over(gifts)
 
     async def _close(self, active: ActiveManager) -> None:
-        """Beat until all is written, so that the slot is kept until then; and give it back."""
+        """Beat until everything is written, to keep the slot until then; and give it back."""
         if self._giving is not None:
             await asyncio.wait([self._giving])
         closing = asyncio.create_task(active.close())

@@ -15,7 +15,7 @@ def iter_batches(rows: "QuerySet[Row]", size: int) -> Iterator[Row]:
     `QuerySet.iterator` keeps its cursor open. For SQLite that is one long read of an old snapshot:
     once another process has written, nothing can be written over this connection until the cursor
     is closed ("database is locked", at once and at every try), and a connection that is closed for
-    that takes the cursor with it. Rows that go meanwhile are left out.
+    that takes the cursor with it. Rows that are deleted before their batch are left out.
     """
     keys = list(rows.values_list("pk", flat=True))
     for first in range(0, len(keys), size):

@@ -1,7 +1,6 @@
-"""Messages into rows of the record. Belongs to the recorder's thread, and does everything there but
-wait.
+"""Turns messages into rows of the record. Runs in the recorder's thread; only the recorder waits.
 
-`take` first reads what it needs from the database and only then changes anything, so that after a
+`take` reads everything that it needs from the database before it changes anything, so that after a
 DatabaseError the same item can be taken again.
 """
 
@@ -16,7 +15,6 @@ from django.db.models import Model
 
 from robots.api.bucket import Bucket
 from robots.api.errors import Rejection
-from robots.api.messages import Event
 from robots.presence.writer import without_nul
 from sessions import protocol
 from sessions.models import NetworkSample, SessionEvent, Snapshot, SystemLog
@@ -39,7 +37,7 @@ from sessions.shards.hashing import shard_of
 
 logger = structlog.stdlib.get_logger(__name__)
 
-# Events of a robot that matter beyond the session in which they happen.
+# Events of a robot that are logged even outside of sessions.
 LOGGED = {
     "estop": "warning",
     "estop_cleared": "info",
@@ -50,9 +48,10 @@ LOGGED = {
 LOGGED_RATE = (0.1, 30.0)  # entries of one robot a second, and at once
 SETTLE_SECONDS = 2.0
 GIVE_UP_SECONDS = ASKING_SECONDS + 15.0
-# for which what pages say of another session manager's robots is kept, in case they become ours
+# How long messages about another session manager's robots are kept, in case they become ours, and
+# how many.
 EARLY_SECONDS = 5.0
-MOST_EARLY = 5000
+MAX_EARLY = 5000
 
 
 class RecordBuilder:
@@ -60,7 +59,7 @@ class RecordBuilder:
 
     Args:
         store: the database.
-        ask: called with (robot, boot, first, last) for states that are to be sent again.
+        ask: called with (robot, boot, first, last) to request lost states.
     """
 
     def __init__(self, store: RecordStore, ask: Callable[[str, str, int, int], None]) -> None:
@@ -71,7 +70,7 @@ class RecordBuilder:
         self._runs = RobotRuns(store)
         self._touched: set[str] = set()
         self._closing: dict[str, CloseItem] = {}
-        self._early: deque[PageItem] = deque(maxlen=MOST_EARLY)
+        self._early: deque[PageItem] = deque(maxlen=MAX_EARLY)
         self._version = store.ownership.version
         self._released: list[ReleaseItem] = []
         self._allowances: dict[Any, Bucket] = {}  # of each robot, for entries of the system log
@@ -89,10 +88,8 @@ class RecordBuilder:
             case ActionItem():
                 self._action(item)
             case PhotoItem():
-                self._photo(
-                    self._photos.jpeg(item.robot, item.action_id, item.jpeg, item.received_at),
-                    item.received_at,
-                )
+                photo = self._photos.jpeg(item.robot, item.action_id, item.jpeg, item.received_at)
+                self._photo(photo, item.received_at)
             case PageItem():
                 self._page(item)
             case CloseItem():
@@ -106,30 +103,12 @@ class RecordBuilder:
     def _state(self, item: StateItem) -> None:
         state = item.state
         session = self._own(item.robot, state.session, item.received_at)
-        tracker = self._runs.tracker(item.robot, state.boot, session, item.received_at)
-        self._runs.heard(
-            item.robot,
-            state.boot,
-            item.received_at,
-            session=session,
-            fresh=tracker.reached is None or state.seq > tracker.reached,
-        )
-        if not tracker.arrive(state.seq, session, item.received_at):
+        if not self._runs.take(item.robot, state, session, item.received_at):
             self.counts["duplicates"] += 1
         elif session is not None:
             self.counts["states"] += 1
             self.refused.update(state.refused)
-            body = _storable(item.payload)
-            closed = self._chunks.add(
-                session,
-                state.boot,
-                state.seq,
-                state.stamp,
-                body,
-                item.received_at,
-                item.clock_offset,
-            )
-            self._keep(closed)
+            self._keep(self._chunks.add(session, item, _storable(item.payload)))
 
     def _keep(self, chunk: Chunk | None) -> None:
         if chunk is not None:
@@ -137,9 +116,7 @@ class RecordBuilder:
             self.rows.append(row_of(chunk))
 
     def _own(self, robot: str, session: str | None, now: float) -> str | None:
-        """Return the session that a robot's message names, if it is this robot's; a robot cannot
-        write into another one's record.
-        """
+        """Return a message's session, if it is this robot's: a robot cannot write other records."""
         if session is None or self._store.robot_of(session, now) == robot:
             return session
         self.counts["foreign_session"] += 1
@@ -148,23 +125,21 @@ class RecordBuilder:
     # --- events -----------------------------------------------------------------------------------
 
     def _event(self, item: EventItem) -> None:
+        """Record an event in its session, if that is this robot's, and log those of LOGGED in any
+        case. All reading comes first (see the top).
+        """
         event, now = item.event, item.received_at
         session = self._own(item.robot, event.session, now)
         robot_key = self._store.robot_key(item.robot) if event.type in LOGGED else None
-        if session is not None and event.type in {"lease_taken", "session_closed"}:
-            tracker = self._runs.tracker(item.robot, event.boot, session, now)
-            if event.type == "lease_taken":
-                tracker.begins(event.seq, session, now)
-            elif event.last_seq is not None:
-                tracker.ends(event.last_seq, session, now)
         if session is not None:
+            self._runs.on_event(item.robot, event, session, now)
             self._session_event(
                 session,
                 SessionEvent.Source.ROBOT,
                 event.type,
                 event.stamp,
                 now,
-                _fields_of(event),
+                _without(event, "session", "type", "stamp"),
                 item.robot,
                 event.boot,
                 event.seq,
@@ -185,13 +160,7 @@ class RecordBuilder:
     def _action(self, item: ActionItem) -> None:
         session = self._own(item.robot, item.session, item.received_at)
         if session is not None:
-            data = without_nul(
-                {
-                    name: value
-                    for name, value in msgspec.to_builtins(item.status).items()
-                    if name != "stamp"
-                }
-            )
+            data = _without(item.status, "stamp")
             self._session_event(
                 session,
                 SessionEvent.Source.ROBOT,
@@ -300,8 +269,7 @@ class RecordBuilder:
                 data,
             )
             return
-        data = without_nul(msgspec.to_builtins(message))
-        del data["stamp"]
+        data = _without(message, "stamp")
         key = key_of(report.session, message.stamp, data)
         self.rows.append(
             NetworkSample(
@@ -309,15 +277,15 @@ class RecordBuilder:
             )
         )
 
-    # --- what time does ---------------------------------------------------------------------------
+    # --- regular work -----------------------------------------------------------------------------
 
     def settle(self, now: float) -> None:
-        """Close the chunks that are due, ask for what is owed, write down what is lost."""
+        """Close due chunks, request states that are owed, and record those that are lost."""
         self._follow_ownership(now)
         self._runs.audit(self._closing.values(), now)
         for chunk in self._chunks.ripe(now):
             self._keep(chunk)
-        for session in self._closing:  # what comes late belongs into the summary that is made next
+        for session in self._closing:  # late states count in the next summary
             for chunk in self._chunks.close(session):
                 self._keep(chunk)
         for due in self._runs.due(now):
@@ -325,7 +293,7 @@ class RecordBuilder:
                 self.counts["asked"] += last - first + 1
                 self._ask(due.robot, due.boot, first, last)
             for loss in due.losses:
-                self._lose(due.boot, loss, now)
+                self._record_loss(due.boot, loss, now)
         for robot, action in self._photos.forgotten(now):
             self._log(
                 "photo_incomplete",
@@ -337,7 +305,7 @@ class RecordBuilder:
             )
 
     def _follow_ownership(self, now: float) -> None:
-        """Take what pages have just said of robots that are ours by now."""
+        """Record recent page reports about robots that have become ours."""
         while self._early and now - self._early[0].received_at > EARLY_SECONDS:
             self._early.popleft()
         if self._version != self._store.ownership.version:
@@ -346,8 +314,8 @@ class RecordBuilder:
                 self._page(item)
 
     def _release(self, item: ReleaseItem) -> None:
-        """Make rows of all that is known of the robots of some shards, and forget them: whoever
-        serves them next writes on, and what was stored meanwhile must be read anew.
+        """Make rows of everything in memory about the robots of some shards, and forget it. Their
+        next owner continues the record; if this process gets them again, it reads it again.
         """
         for chunk in self._chunks.close():
             self._keep(chunk)
@@ -358,12 +326,12 @@ class RecordBuilder:
         self._released.append(item)
 
     def tell_released(self) -> None:
-        """Say of robots that were released that all is written."""
+        """Report that everything about released robots is written."""
         for item in self._released:
             item.done()
         self._released = []
 
-    def _lose(self, boot: str, loss: Loss, now: float) -> None:
+    def _record_loss(self, boot: str, loss: Loss, now: float) -> None:
         data = {"boot": boot, "ranges": [list(pair) for pair in loss.ranges], "count": loss.count}
         for session in sorted(loss.sessions):
             logger.warning("states_missing", session=session, boot=boot, count=loss.count)
@@ -373,14 +341,12 @@ class RecordBuilder:
             )
 
     def close_all(self) -> None:
-        """Make rows of everything, for the end of the process."""
+        """Make rows of all open chunks, at the end of the process."""
         for chunk in self._chunks.close():
             self._keep(chunk)
 
     def write(self, *, careful: bool = False) -> None:
-        """Store the rows that have gathered; they are kept when it fails. For `careful` see
-        RecordStore.insert.
-        """
+        """Store the gathered rows; on failure they are kept. See RecordStore.insert."""
         if self.rows:
             self._store.insert(self.rows, careful=careful)
             self.rows = []
@@ -389,7 +355,7 @@ class RecordBuilder:
             self._touched = set()
 
     def close_sessions(self, now: float) -> None:
-        """Close the records of ended sessions to which nothing more will come."""
+        """Close the records of ended sessions that are complete, or as complete as they will be."""
         for item in [item for item in self._closing.values() if self._is_settled(item, now)]:
             self._store.close(item.session, datetime.datetime.fromtimestamp(now, datetime.UTC))
             self._store.forget(item.session)
@@ -404,15 +370,14 @@ class RecordBuilder:
         return since > GIVE_UP_SECONDS or (since > SETTLE_SECONDS and self._runs.is_over(item))
 
 
-def _fields_of(event: Event) -> dict[str, Any]:
-    fields: dict[str, Any] = msgspec.to_builtins(event)
-    return without_nul(
-        {name: value for name, value in fields.items() if name not in {"session", "type", "stamp"}}
-    )
+def _without(message: msgspec.Struct, *columns: str) -> dict[str, Any]:
+    """Return the fields of a message that have no column of their own."""
+    fields: dict[str, Any] = msgspec.to_builtins(message)
+    return without_nul({name: value for name, value in fields.items() if name not in columns})
 
 
 def _storable(payload: bytes) -> msgspec.Raw:
-    """Return JSON that every database takes."""
+    """Return JSON that every database takes: without NUL characters."""
     return msgspec.Raw(
         msgspec.json.encode(without_nul(msgspec.json.decode(payload)))
         if b"\\u0000" in payload

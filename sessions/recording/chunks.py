@@ -1,9 +1,9 @@
-"""States gathered into chunks: one row a second of a session, in order, without holes and without
-doubles.
+"""Gathers states into chunks: one row for each second of a session, in order, without gaps or
+duplicates.
 
-Because a chunk has no holes, its first and last seq say exactly which states it holds, and a
-restarted session manager knows what is stored without reading any of it. States stay the JSON that
-they came as: taking them apart and writing them again would be most of the recorder's work.
+Because a chunk has no gaps, its first and last seq say exactly which states it has, and a restarted
+session manager knows what is stored without reading the states. States keep the JSON that the robot
+sent: decoding and encoding them would be most of the recorder's work.
 """
 
 from collections.abc import Iterator
@@ -11,15 +11,15 @@ from dataclasses import dataclass, field
 
 import msgspec
 
-LONGEST = 1.5  # s that a chunk waits for its second to be full
-FULLEST = 64  # states
+from sessions.recording.items import StateItem
+
+MAX_WAIT = 1.5  # s that a chunk waits for its second to be full
+MAX_STATES = 64
 
 
 @dataclass
 class Chunk:
-    """Some states of one session and one run of the agent, next to each other in seq; times in Unix
-    seconds.
-    """
+    """Consecutive states of one session and one run of the agent; times in Unix seconds."""
 
     session: str
     boot: str
@@ -32,47 +32,37 @@ class Chunk:
     states: list[msgspec.Raw] = field(default_factory=list)
 
     def takes(self, seq: int, stamp: float) -> bool:
-        """Tell whether a state belongs into this chunk."""
+        """Tell whether a state belongs in this chunk."""
         return (
             seq == self.last_seq + 1
             and int(stamp) == int(self.first_stamp)
-            and len(self.states) < FULLEST
+            and len(self.states) < MAX_STATES
         )
 
 
 class Chunks:
-    """The chunks that are being filled: at most one a session and run."""
+    """The open chunks: at most one for each session and run."""
 
     def __init__(self) -> None:
         self._open: dict[tuple[str, str], Chunk] = {}
 
-    def add(
-        self,
-        session: str,
-        boot: str,
-        seq: int,
-        stamp: float,
-        body: msgspec.Raw,
-        received_at: float,
-        offset: float | None,
-    ) -> Chunk | None:
-        """Take a state that was not there before; return the chunk that it closed."""
+    def add(self, session: str, item: StateItem, body: msgspec.Raw) -> Chunk | None:
+        """Add a state that no chunk has yet, as `body`; return the chunk that this closed."""
+        boot, seq, stamp = item.state.boot, item.state.seq, item.state.stamp
         chunk, closed = self._open.get((session, boot)), None
         if chunk is None or not chunk.takes(seq, stamp):
             closed = chunk
             chunk = self._open[session, boot] = Chunk(
-                session, boot, seq, stamp, received_at, offset, seq, stamp
+                session, boot, seq, stamp, item.received_at, item.clock_offset, seq, stamp
             )
         chunk.states.append(body)
         chunk.last_seq, chunk.last_stamp = seq, stamp
         return closed
 
     def ripe(self, now: float) -> Iterator[Chunk]:
-        """Close and return the chunks that have waited long enough; `now` by the clock of
-        `received_at`.
-        """
+        """Close and return the chunks that have waited long enough at `now`, Unix seconds."""
         yield from self._close(
-            [key for key, chunk in self._open.items() if now - chunk.received_at >= LONGEST]
+            [key for key, chunk in self._open.items() if now - chunk.received_at >= MAX_WAIT]
         )
 
     def close(self, session: str | None = None) -> Iterator[Chunk]:
@@ -82,6 +72,3 @@ class Chunks:
     def _close(self, keys: list[tuple[str, str]]) -> Iterator[Chunk]:
         for key in keys:
             yield self._open.pop(key)
-
-    def __len__(self) -> int:
-        return len(self._open)

@@ -1,6 +1,4 @@
-"""What the session manager hands to the recorder: messages with the time of their receipt (Unix
-seconds).
-"""
+"""The recorder's input: messages with the time of their receipt, Unix seconds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,8 +9,8 @@ from sessions.protocol import PageReport
 
 @dataclass(frozen=True, slots=True)
 class StateItem:
-    """A state: decoded, and as it came; `clock_offset` is the robot's clock minus ours at that
-    moment. A `late` one is not the newest.
+    """A state, decoded and as `payload`; `clock_offset` is the robot's clock minus ours then, in
+    seconds. A `late` one is not the newest.
     """
 
     robot: str
@@ -44,7 +42,7 @@ class ActionItem:
 
 @dataclass(frozen=True, slots=True)
 class PhotoItem:
-    """A JPEG; the event that says what it should be comes by itself."""
+    """A JPEG; its event has the SHA-256 and arrives separately."""
 
     robot: str
     action_id: str
@@ -54,7 +52,7 @@ class PhotoItem:
 
 @dataclass(frozen=True, slots=True)
 class PageItem:
-    """Something a page said for the record."""
+    """A page's report for the record."""
 
     report: PageReport
     received_at: float
@@ -62,8 +60,8 @@ class PageItem:
 
 @dataclass(frozen=True, slots=True)
 class CloseItem:
-    """The session ended at `ended_at`: close its record when nothing is owed any more. Said again
-    until `closed_at` is set. `granted`: the robot was given to it.
+    """The session ended at `ended_at`: close its record when no states are owed any more. Repeated
+    until `closed_at` is set. `granted`: it had the robot.
     """
 
     robot: str
@@ -74,21 +72,18 @@ class CloseItem:
 
 @dataclass(frozen=True, slots=True)
 class ReleaseItem:
-    """Another session manager gets these shards: write what there is of their robots, forget them,
-    and call `done`.
-    """
+    """Write and forget everything about these shards' robots, and call `done`."""
 
     shards: frozenset[int]
     done: Callable[[], object]
 
 
-DECODED, OVERHEAD = 3, 512  # bytes of memory for each byte of a message, and beside them
+# Bytes of memory for each byte of a message, and for each item.
+DECODED, OVERHEAD = 3, 512
 
 
 def memory_of(item: "Item") -> tuple[str, int]:
-    """Return whose share of the memory an item takes, a robot's or a session's, and about how many
-    bytes.
-    """
+    """Return the robot or session that an item's memory is charged to, and about how many bytes."""
     match item:
         case StateItem():
             return item.robot, OVERHEAD + DECODED * len(item.payload)

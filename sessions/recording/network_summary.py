@@ -1,4 +1,4 @@
-"""A visitor's connection in a few numbers, from its samples of one second each."""
+"""The summary of a visitor's connection, from its samples of one second each."""
 
 import statistics
 from collections import Counter
@@ -46,8 +46,6 @@ def _mean(values: list[float]) -> float | None:
 
 
 def _percentile(values: list[float], share: float) -> float:
-    """Return the smallest value that at least this share of the values does not exceed (nearest
-    rank).
-    """
+    """Return the percentile by nearest rank."""
     ordered = sorted(values)
     return ordered[max(0, -(-len(ordered) * round(share * 100) // 100) - 1)]

@@ -1,19 +1,17 @@
-"""A photo comes in two messages in either order: the JPEG, and the event that names its session and
-its SHA-256.
-"""
+"""Joins the two messages of a photo, which arrive in either order: JPEG and event."""
 
 import hashlib
 from dataclasses import dataclass
 
 from robots.api.messages import Event
 
-PATIENCE = 60.0
-MOST = 64
+PAIR_TIMEOUT_S = 60.0
+MAX_WAITING = 64
 
 
 @dataclass(frozen=True)
 class RecordedPhoto:
-    """A whole photo; `intact` says whether the bytes are those that the robot hashed."""
+    """A photo with both of its messages."""
 
     robot: str
     event: Event
@@ -22,12 +20,12 @@ class RecordedPhoto:
 
     @property
     def intact(self) -> bool:
-        """Tell whether nothing happened to it on the way."""
+        """Tell whether the bytes are those that the robot hashed."""
         return self.event.sha256 == self.sha256
 
 
 class Photos:
-    """Halves of photos that wait for their other half; keys are (robot, action id)."""
+    """Messages that wait for their other half; keys are (robot, action id)."""
 
     def __init__(self) -> None:
         self._events: dict[tuple[str, str], tuple[float, Event]] = {}
@@ -52,12 +50,12 @@ class Photos:
         return RecordedPhoto(key[0], event, jpeg, hashlib.sha256(jpeg).hexdigest())
 
     def forgotten(self, now: float) -> list[tuple[str, str]]:
-        """Return and drop what has waited too long, or is too much; oldest first."""
+        """Remove and return the keys of halves that waited too long, or are too many."""
         keys: list[tuple[str, str]] = []
         for halves in (self._events, self._jpegs):
-            late = [key for key, (since, _) in halves.items() if now - since > PATIENCE]
+            late = [key for key, (since, _) in halves.items() if now - since > PAIR_TIMEOUT_S]
             late += [key for key in halves if key not in late][
-                : max(0, len(halves) - len(late) - MOST)
+                : max(0, len(halves) - len(late) - MAX_WAITING)
             ]
             keys += late
             for key in late:

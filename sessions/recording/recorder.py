@@ -1,9 +1,9 @@
 """The recorder: a thread that writes the record, and the bounded buffer in front of it.
 
-The session manager's loop never waits for the database: it puts items into the buffer and goes on.
-While the database is away, or its disk full, the thread tries again and again with the same rows,
-and the buffer grows to its bound; what comes after that is counted, logged and not recorded. Of
-that, states are missed by their numbers and asked for again once there is room.
+The session manager's loop never waits for the database: it puts items into the buffer. While the
+database is away, or its disk is full, the thread retries with the same rows and the buffer fills.
+When it is full, further items are counted, logged and dropped. Dropped states are noticed by their
+numbers, and requested again once there is room.
 """
 
 import threading
@@ -31,9 +31,7 @@ BATCH = 2000
 
 @dataclass(frozen=True)
 class BufferLimits:
-    """How much waits at most: items; bytes of memory, in all and of one robot or session; and the
-    bytes that are written at once.
-    """
+    """Limits: items; bytes in total, of one robot or session (`each`), and of one batch."""
 
     items: int = LIMIT
     total: int = 256 * MIB
@@ -79,12 +77,12 @@ class Buffer:
             del self._used[source]
 
     def wake(self) -> None:
-        """Have the waiting thread look at once."""
+        """Wake the thread that waits in `take`."""
         with self._filled:
             self._filled.notify()
 
     def take(self, seconds: float) -> list[Item]:
-        """Return a batch of items; waits for at most `seconds` until a whole one is there."""
+        """Return a batch of items; waits at most `seconds` for a full one."""
         taken, total = [], 0
         with self._filled:
             if len(self._items) < BATCH and self._bytes < self._limits.batch:
@@ -101,14 +99,13 @@ class Buffer:
 
 
 class Recorder:
-    """Records what is put into it.
+    """Records the items that are put into it.
 
     Args:
-        ask: called in the recorder's thread with (robot, boot, first, last) for states that are to
-            be sent again.
-        limits: of what waits.
+        ask: called in the recorder's thread with (robot, boot, first, last) to request lost states.
+        limits: of the buffer.
         clock: Unix seconds.
-        ownership: whose robots are recorded, and the fence around that.
+        ownership: our robots, and the fence of their record.
     """
 
     def __init__(
@@ -133,28 +130,26 @@ class Recorder:
 
     @property
     def counts(self) -> Counter[str]:
-        """What was done so far: rows by kind, states, duplicates, foreign sessions, refused rows,
-        dropped items.
-        """
+        """Totals since the start: rows by kind, states, and everything that was dropped."""
         return self._store.counts + self._builder.counts + Counter(dropped=self._dropped)
 
     @property
     def refused(self) -> Counter[str]:
-        """How many commands the robots said to have refused, by reason."""
+        """How many commands the robots have refused, by reason."""
         return self._builder.refused
 
     @property
     def waiting(self) -> int:
-        """How many items are still to be written."""
+        """How many items are not written yet."""
         return len(self._buffer)
 
     @property
     def is_alive(self) -> bool:
-        """Tell whether the thread lives: an error that is not the database's ends it."""
+        """Tell whether the thread runs: an error that is not the database's ends it."""
         return self._thread.is_alive()
 
     def start(self) -> None:
-        """Begin to write."""
+        """Start the thread."""
         self._thread.start()
 
     def put(self, item: Item) -> bool:
@@ -169,7 +164,7 @@ class Recorder:
         return False
 
     def stop(self, seconds: float) -> bool:
-        """Write everything that is there and end; False when that takes longer than `seconds`."""
+        """Write all items and end the thread; False when that takes longer than `seconds`."""
         self._stopping.set()
         self._buffer.wake()
         self._thread.join(seconds)
@@ -178,34 +173,32 @@ class Recorder:
     def _run(self) -> None:
         try:
             with self._ownership.fenced():
-                while self._go_on():
+                while self._run_once():
                     pass
         finally:
             connection.close()
 
-    def _go_on(self) -> bool:
-        """Record what has come; False when that was the last."""
-        # asked before taking: what is put before `stop` is always taken
+    def _run_once(self) -> bool:
+        """Record a batch; False when it was the last."""
+        # Read before the batch, so that items put before `stop` are always taken.
         last = self._stopping.is_set()
         for item in self._buffer.take(0.0 if last else LINGER):
-            self._insist(lambda item=item: self._builder.take(item))
-        self._insist(lambda: self._builder.settle(self._clock()))
+            self._retry(lambda item=item: self._builder.take(item))
+        self._retry(lambda: self._builder.settle(self._clock()))
         if last and not len(self._buffer):
             self._builder.close_all()
-        self._insist(self._write)
+        self._retry(self._write)
         self._builder.tell_released()
-        self._insist(lambda: self._builder.close_sessions(self._clock()))
+        self._retry(lambda: self._builder.close_sessions(self._clock()))
         return not (last and not len(self._buffer))
 
     def _write(self) -> None:
-        """Write; carefully after so long a pause that another session manager may
-        have taken over.
-        """
+        """Write; carefully after a pause in which another session manager may have taken over."""
         self._builder.write(careful=time.monotonic() - self._written_at > STALE_SECONDS / 2)
         self._written_at = time.monotonic()
 
-    def _insist(self, step: Callable[[], None]) -> None:
-        """Do a step, again and again until the database lets it be done."""
+    def _retry(self, step: Callable[[], None]) -> None:
+        """Repeat a step until the database takes it, or the fence refuses it."""
         pause = FIRST_RETRY
         while True:
             try:

@@ -1,10 +1,9 @@
-"""Which robots the record is written of: what was last heard of each, and which states of each run
-of its agent were seen and are owed.
-"""
+"""The runs of robots' agents, and which of their states were seen and are owed."""
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
+from robots.api.messages import Event, State
 from sessions.recording.items import CloseItem
 from sessions.recording.sequence_tracker import Loss, Range, SequenceTracker, StoredStates
 from sessions.recording.store import RecordStore
@@ -15,8 +14,8 @@ RUNS = 3  # of a robot that are kept
 
 
 @dataclass
-class _LastHeard:
-    """A robot's newest run, when it was heard of, and the session that it named."""
+class _LastState:
+    """A robot's newest run, when its last state came, and the session that the newest one named."""
 
     boot: str
     at: float
@@ -26,7 +25,7 @@ class _LastHeard:
 
 @dataclass(frozen=True)
 class Due:
-    """States of one run that are to be asked for now, and those that are given up."""
+    """States of one run that are to be requested now, and those that are lost."""
 
     robot: str
     boot: str
@@ -38,7 +37,7 @@ class RobotRuns:
     """The runs of all robots. Belongs to the recorder's thread.
 
     Args:
-        store: tells what earlier session managers have stored.
+        store: has the states that earlier session managers stored.
     """
 
     def __init__(self, store: RecordStore) -> None:
@@ -46,11 +45,27 @@ class RobotRuns:
         self._trackers: dict[str, dict[str, SequenceTracker]] = {}
         self._restored: set[tuple[str, str]] = set()
         self._audited: set[str] = set()
-        self._heard: dict[str, _LastHeard] = {}
+        self._last: dict[str, _LastState] = {}
 
-    def tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
-        """Return the states of a run; the first time that it names a session, with those of it that
-        are stored.
+    def take(self, robot: str, state: State, session: str | None, now: float) -> bool:
+        """Note a state of this robot's `session`; False when it was seen before."""
+        tracker = self._tracker(robot, state.boot, session, now)
+        last = self._last.setdefault(robot, _LastState(state.boot, now))
+        last.at = now
+        if tracker.reached is None or state.seq > tracker.reached:
+            last.boot, last.session, last.session_at = state.boot, session, now
+        return tracker.arrive(state.seq, session, now)
+
+    def on_event(self, robot: str, event: Event, session: str, now: float) -> None:
+        """Note a session's first or last state number, so that lost states there are noticed."""
+        if event.type == "lease_taken":
+            self._tracker(robot, event.boot, session, now).begins(event.seq, session, now)
+        elif event.type == "session_closed" and event.last_seq is not None:
+            self._tracker(robot, event.boot, session, now).ends(event.last_seq, session, now)
+
+    def _tracker(self, robot: str, boot: str, session: str | None, now: float) -> SequenceTracker:
+        """Return the tracker of a run. The first time that the run names a session, the stored
+        states of that session are read, before anything changes.
         """
         stored = (
             None
@@ -70,19 +85,12 @@ class RobotRuns:
             del runs[oldest]
         return tracker
 
-    def heard(self, robot: str, boot: str, now: float, *, session: str | None, fresh: bool) -> None:
-        """Note a state; `fresh` when it is newer than all before."""
-        known = self._heard.setdefault(robot, _LastHeard(boot, now))
-        known.at = now
-        if fresh:
-            known.boot, known.session, known.session_at = boot, session, now
-
     def audit(self, ended: Iterable[CloseItem], now: float) -> None:
-        """Look for states of ended sessions that an earlier session manager received and did not
-        store, of which it could be that no later message tells.
+        """Find states of ended sessions that an earlier session manager received and did not store:
+        perhaps no later message shows that they are missing.
         """
         for item in ended:
-            known = self._heard.get(item.robot)
+            known = self._last.get(item.robot)
             if item.session in self._audited or known is None:
                 continue
             stored = self._store.stored_of(item.session, known.boot)
@@ -94,20 +102,18 @@ class RobotRuns:
             self._audited.add(item.session)
 
     def due(self, now: float) -> Iterator[Due]:
-        """Yield what is to be asked for or given up now."""
+        """Yield the requests and losses that are due now."""
         for robot, runs in self._trackers.items():
             for boot, tracker in runs.items():
-                # of nearly all of thousands of robots nothing is owed
-                if not tracker.gaps or (known := self._heard.get(robot)) is None:
+                # nearly none of thousands of robots owe states
+                if not tracker.gaps or (known := self._last.get(robot)) is None:
                     continue
                 present = now - known.at < PRESENT_SECONDS
                 yield Due(robot, boot, *tracker.due(now, present=present, alive=known.boot == boot))
 
     def is_over(self, item: CloseItem) -> bool:
-        """Tell whether the robot has said since the session's end that it is over, and owes nothing
-        of it.
-        """
-        known = self._heard.get(item.robot)
+        """Tell whether the robot has left the session since its end, and owes no states of it."""
+        known = self._last.get(item.robot)
         return (
             known is not None
             and known.session != item.session
@@ -119,14 +125,14 @@ class RobotRuns:
         )
 
     def closed(self, session: str) -> None:
-        """Forget what was read of a session; its record may be opened again."""
+        """Forget a closed session; if its record is reopened, it is read again."""
         self._audited.discard(session)
         self._restored = {pair for pair in self._restored if pair[0] != session}
 
     def forget(self, shards: frozenset[int]) -> None:
-        """Forget the robots of some shards; what is stored of them must be read anew."""
-        gone = [robot for robot in self._heard if shard_of(robot) in shards]
-        boots = {boot for robot in gone for boot in self._trackers.pop(robot, {})}
+        """Forget the robots of some shards; if they return, their record is read again."""
+        left = [robot for robot in self._last if shard_of(robot) in shards]
+        boots = {boot for robot in left for boot in self._trackers.pop(robot, {})}
         self._restored = {pair for pair in self._restored if pair[1] not in boots}
-        for robot in gone:
-            del self._heard[robot]
+        for robot in left:
+            del self._last[robot]

@@ -1,33 +1,31 @@
-"""Which states of one run of an agent have been seen, and which are owed.
+"""Tracks which states of one run of an agent have been seen, and which are owed.
 
-An agent numbers its states without holes, whatever session they belong to. So a hole that touches a
-session is a loss on the way, and the agent, which keeps its last minutes, is asked for it again.
-What nobody can know after a restart (the states before the first that is seen, holes that a stored
-record already had) is asked for as often, because a question can get lost, too, and not missed when
-it does not come.
+An agent numbers its states without gaps, in and between sessions. A gap that touches a session is
+therefore a loss in transit, and is requested from the agent, which keeps its last minutes. After a
+restart of the session manager some gaps are only suspected: states before the first that is seen,
+and gaps of the stored record. They are requested as often, because a request can be lost, too, but
+count as no loss when the agent does not have them.
 """
 
 from bisect import bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 
-PATIENCE = 1.0  # a buffered message may still be on its way
+FIRST_REQUEST_S = 1.0  # after the gap; a buffered message may still arrive
 REPEAT = 5.0
 ATTEMPTS = 3  # at least, however long the robot was away
-# at least: a robot is heard but does not hear while its broker's node is being replaced
+# At least: while its broker's node is replaced, a robot sends but does not receive.
 ASKING_SECONDS = 60.0
 HEAD = 240  # a minute of states
 FIRST = 1  # number of an agent's first state
-# A jump this wide is a robot that counts strangely, not a loss: no agent keeps so many.
-WIDEST = 100_000
+# A wider gap is a robot that counts wrongly, not a loss: no agent keeps so many.
+MAX_GAP = 100_000
 
 Range = tuple[int, int]
 
 
 class Intervals:
-    """A set of whole numbers, kept as disjoint ranges with both ends included; growing at the end
-    is cheap.
-    """
+    """A set of whole numbers, as disjoint inclusive ranges; growing at the end is cheap."""
 
     def __init__(self) -> None:
         self._firsts: list[int] = []
@@ -75,8 +73,8 @@ class Intervals:
 
 @dataclass(frozen=True)
 class StoredStates:
-    """What is stored of one session and run: ranges of states, and the numbers of the session's
-    first and last one, as far as the robot's events say them.
+    """The stored states of one session and run, as ranges, and the numbers of the session's first
+    and last state, if the robot's events have them.
     """
 
     ranges: tuple[Range, ...] = ()
@@ -86,9 +84,7 @@ class StoredStates:
 
 @dataclass
 class Gap:
-    """States that were not seen; `certain` when they must exist, `sessions` whose record may lack
-    them.
-    """
+    """States that were not seen; `certain` when they must exist; `sessions` may lack them."""
 
     first: int
     last: int
@@ -101,7 +97,7 @@ class Gap:
 
 @dataclass(frozen=True)
 class Loss:
-    """States that will not come any more."""
+    """States that are given up."""
 
     ranges: tuple[Range, ...]
     sessions: frozenset[str]
@@ -126,9 +122,9 @@ class SequenceTracker:
     session: str | None = None
 
     def restore(self, session: str, stored: StoredStates, now: float) -> None:
-        """Take over what is stored of a session, and look for what an earlier session manager had
-        received and could not store any more: between what is stored, before it where the beginning
-        is not known, and after it up to what was seen next.
+        """Take over the stored states of a session, and suspect gaps where an earlier session
+        manager may have received states and died before it stored them: between the stored ones,
+        before them if the session's first number is unknown, and after them up to the next seen.
         """
         for first, last in stored.ranges:
             self.seen.add(first, last)
@@ -140,7 +136,7 @@ class SequenceTracker:
             return
         first, last = min(numbers), max(numbers)
         following = self.seen.after(last)
-        until = last if following is None or following - last > WIDEST else following - 1
+        until = last if following is None or following - last > MAX_GAP else following - 1
         holes = self.seen.missing(first, until)
         if stored.begins is None:
             holes += self.seen.missing(*_minute_before(first))
@@ -149,7 +145,7 @@ class SequenceTracker:
             self.reached, self.session = last, session
 
     def suspect_before(self, session: str, now: float) -> None:
-        """Look for a session of which nothing is known, in the minute before all that was seen."""
+        """Suspect states of a session without any in the minute before the first one seen."""
         earliest = next(iter(self.seen), (FIRST, FIRST))[0]
         self._suspect(self.seen.missing(*_minute_before(earliest)), session, now)
 
@@ -159,7 +155,7 @@ class SequenceTracker:
         ]
 
     def arrive(self, seq: int, session: str | None, now: float) -> bool:
-        """Note a state; False when it was there before."""
+        """Note a state; False when it was seen before."""
         if seq in self.seen:
             return False
         if self.reached is None and session is not None and seq > FIRST:
@@ -181,20 +177,19 @@ class SequenceTracker:
     def _reach(self, seq: int, session: str | None, now: float, *, to: int) -> None:
         if self.reached is not None and seq <= self.reached:
             return
-        if self.reached is not None and 0 < to - self.reached <= WIDEST:
+        if self.reached is not None and 0 < to - self.reached <= MAX_GAP:
             touched = frozenset(name for name in (self.session, session) if name is not None)
             if touched:
                 self.gaps.append(Gap(self.reached + 1, to, touched, certain=True, found_at=now))
         self.reached, self.session = seq, session
 
     def due(self, now: float, *, present: bool, alive: bool) -> tuple[list[Range], list[Loss]]:
-        """Return what is to be asked for again now, and what is given up.
+        """Return the states to request now, and those that are lost.
 
         Args:
             now: any clock in seconds.
-            present: the robot is heard of at this moment; otherwise asking waits.
-            alive: this run of the agent is the robot's newest; otherwise nobody has these states
-                any more.
+            present: the robot has sent a state recently; otherwise requests wait.
+            alive: this run of the agent is the robot's newest; the states of older runs are lost.
         """
         asks, losses, kept = [], [], []
         for gap in self.gaps:
@@ -207,7 +202,7 @@ class SequenceTracker:
             kept.append(gap)
             if (
                 present
-                and now - gap.found_at >= PATIENCE
+                and now - gap.found_at >= FIRST_REQUEST_S
                 and (gap.asked_at is None or now - gap.asked_at >= REPEAT)
             ):
                 gap.asked_at, gap.attempts = now, gap.attempts + 1

@@ -1,9 +1,8 @@
-"""The record in the database: what is there already, and rows added to it. For the recorder's one
-thread.
+"""Reads and adds rows of the record. For the recorder's one thread.
 
-Rows that come from messages have keys made from their content, so that a message that is delivered
-twice is one row. What is known to be there is dropped before the insert, because not every
-supported database can ignore conflicts.
+Rows of messages have keys made from their content, so that a message that is delivered twice is one
+row. Rows that exist are dropped before the insert, because not every supported database can ignore
+conflicts.
 """
 
 import contextlib
@@ -34,7 +33,7 @@ UNKNOWN_SECONDS = 30.0
 
 
 def key_of(*parts: object) -> uuid.UUID:
-    """Return the key of a row that stands for a message with this content."""
+    """Return the key of the row of a message with this content."""
     return uuid.uuid5(_NAMESPACE, json.dumps([str(part) for part in parts]))
 
 
@@ -70,9 +69,7 @@ def row_of(chunk: Chunk) -> StateChunk:
 
 
 def _for_database(states: list[msgspec.Raw]) -> list[Any]:
-    """Return what the JSON column takes: SQL databases are written JSON, which it is already;
-    MongoDB takes the values themselves.
-    """
+    """Return states as the column takes them: encoded for SQL databases, decoded for MongoDB."""
     return (
         [msgspec.json.decode(state) for state in states]
         if connection.vendor == "mongodb"
@@ -108,8 +105,8 @@ def parts_of(row: StateChunk, missing: list[Range]) -> list[StateChunk]:
 
 
 class RecordStore:
-    """Reads and writes; every method may raise DatabaseError, and may then be called again. What
-    belongs to robots of another session manager is counted and dropped.
+    """Reads and writes; every method may raise DatabaseError, and may then be called again. Rows of
+    another session manager's robots are counted and dropped.
     """
 
     def __init__(self, ownership: Ownership = EVERYTHING) -> None:
@@ -120,9 +117,7 @@ class RecordStore:
         self.counts: Counter[str] = Counter()
 
     def robot_of(self, session: str, now: float) -> str | None:
-        """Return the name of the robot that a session is with; None when there is
-        no such session.
-        """
+        """Return the name of a session's robot; None when there is no such session."""
         if session in self._robot_of_session:
             return self._robot_of_session[session]
         if now - self._unknown.get(session, -UNKNOWN_SECONDS) < UNKNOWN_SECONDS:
@@ -139,7 +134,7 @@ class RecordStore:
         return name
 
     def forget(self, session: str) -> None:
-        """Keep no more of a session than the database does."""
+        """Remove a session from the cache."""
         self._robot_of_session.pop(session, None)
 
     def _remember_unknown(self, session: str, now: float) -> None:
@@ -156,7 +151,7 @@ class RecordStore:
         return self._robot_keys[name]
 
     def stored(self, session: str, boot: str) -> list[Range]:
-        """Return the seqs that are stored of a session."""
+        """Return the stored seqs of a session and run."""
         return list(
             StateChunk.objects.filter(session=session, boot=boot)
             .order_by("first_seq")
@@ -164,15 +159,13 @@ class RecordStore:
         )
 
     def stored_of(self, session: str, boot: str) -> StoredStates:
-        """Return which states are stored of a session, and where the robot said that it began and
-        ended.
-        """
-        said = SessionEvent.objects.filter(
+        """Return the stored states of a session and run, with the ends that the robot reported."""
+        ends = SessionEvent.objects.filter(
             session=session,
             source=SessionEvent.Source.ROBOT,
             type__in=["lease_taken", "session_closed"],
         ).values_list("type", "data")
-        of_run = [(kind, data) for kind, data in said if data.get("boot") == boot]
+        of_run = [(kind, data) for kind, data in ends if data.get("boot") == boot]
         return StoredStates(
             tuple(self.stored(session, boot)),
             min((data["seq"] for kind, data in of_run if kind == "lease_taken"), default=None),
@@ -180,11 +173,10 @@ class RecordStore:
         )
 
     def insert(self, rows: list[Model], *, careful: bool = False) -> None:
-        """Store rows; those that are there already, or that the database will never take, are
-        counted and dropped.
+        """Store rows; those that exist, or that the database will never take, are counted and
+        dropped.
 
-        `careful`: another session manager may have stored some of these states meanwhile, in chunks
-        of its own.
+        `careful`: another session manager may have stored some of these states, in other chunks.
         """
         by_model: dict[type[Model], list[Model]] = {}
         robots = {robot for row in rows if (robot := self._robot_of_row(row)) is not None}
@@ -229,7 +221,7 @@ class RecordStore:
 
     def _without_known(self, model: type[Model], rows: list[Model]) -> list[Model]:
         if model is StateChunk:
-            return rows  # the tracker has seen to it
+            return rows  # the tracker has dropped duplicates
         unique = {row.pk: row for row in rows}
         known = set(model.objects.filter(pk__in=unique).values_list("pk", flat=True))
         self.counts["duplicates"] += len(rows) - len(unique.keys() - known)
@@ -237,7 +229,7 @@ class RecordStore:
 
     def _insert_one(self, row: Model) -> None:
         try:
-            # its commit tells of a session that was deleted meanwhile
+            # The commit fails if the session has just been deleted.
             with transaction.atomic(durable=True):
                 row.save(force_insert=True)
         except IntegrityError as error:
@@ -250,8 +242,8 @@ class RecordStore:
             self.counts[type(row).__name__] += 1
 
     def _insert_rest(self, row: StateChunk) -> bool:
-        """Insert what is not stored of this row; False when nothing of it is, so that something
-        else is wrong with it.
+        """Insert the states of a row that are not stored; False when none is stored, so that the
+        row was refused for another reason.
         """
         rest = self._rest_of(row)
         if rest == [row]:
@@ -260,7 +252,7 @@ class RecordStore:
         return True
 
     def _rest_of(self, row: Any) -> list[StateChunk]:
-        """Return rows with what is not stored of a row; the row itself when nothing is."""
+        """Return rows of those states of a row that are not stored; the row itself if none is."""
         there = Intervals()
         for first, last in self.stored(str(row.session_id), row.boot):
             there.add(first, last)
@@ -275,7 +267,7 @@ class RecordStore:
         logger.error("record_row_refused", kind=type(row).__name__, reason=str(error))
 
     def reopen(self, sessions: set[str]) -> None:
-        """Have the summaries of closed sessions made again, for which something came late."""
+        """Reopen closed sessions that late rows came for, so that their summary is made again."""
         robots = {self._robot_of_session[key] for key in sessions if key in self._robot_of_session}
         with contextlib.suppress(Fenced), self.ownership.about(*robots):
             Session.objects.filter(pk__in=sessions, closed_at__isnull=False).update(closed_at=None)
@@ -288,9 +280,7 @@ class RecordStore:
             .values_list("boot", "states")
             .iterator(chunk_size=200)
         )
-        lost = SessionEvent.objects.filter(
-            session=session, source=SessionEvent.Source.SERVER, type="states_missing"
-        ).values_list("data", flat=True)
+        lost = SessionEvent.server_events(session, "states_missing").values_list("data", flat=True)
         summary = summarise(chunks, missing=sum(data["count"] for data in lost))
         summary["snapshots"] = Snapshot.objects.filter(session=session).count()
         summary["network_samples"] = NetworkSample.objects.filter(session=session).count()

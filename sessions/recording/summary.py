@@ -1,6 +1,4 @@
-"""A session in a few numbers, made once when its record is complete, so that no list has to read
-the states.
-"""
+"""The summary of a complete record, so that no list must read the states."""
 
 from collections import Counter
 from collections.abc import Iterable
@@ -44,7 +42,7 @@ class _Total:
         self.first = state["stamp"] if self.first is None else min(self.first, state["stamp"])
         self.last = state["stamp"] if self.last is None else max(self.last, state["stamp"])
         odometer = state.get("distance", 0.0)
-        # A run's odometer only grows; its first reading of the session is where the session began.
+        # A run's odometer only grows; its first reading in the session is the session's start.
         self.distance += max(0.0, odometer - self.odometers.get(boot, odometer))
         self.odometers[boot] = odometer
         self.contacts += state.get("contacts", 0)

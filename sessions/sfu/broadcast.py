@@ -1,33 +1,36 @@
 """One robot's stream for any number of pages, through Janus.
 
-Every web process that has such pages has a `Broadcast` for their robot. One of them looks after the
-mountpoint: whoever made it signs it every two seconds with its own name, connects the robot to it,
-and ends it when nobody watches. When its signature no longer changes, another one removes the
-mountpoint and makes a new one, of which only one can succeed. See `mountpoint.py` for the media.
+Every web process that has such pages has a `Broadcast` for their robot. One of them owns the
+mountpoint: the process that created it renews its label every two seconds, connects the robot to
+it, and destroys it when no page watches. When the label no longer changes, another process destroys
+the mountpoint and creates a new one; only one process can succeed. `mountpoint.py` has the media.
 """
 
 import asyncio
 import contextlib
+import functools
 import random
 import secrets
 import time
 from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import structlog
+from django.conf import settings
 
 from robots.api.messages import Bye, Candidate, SdpAnswer, SdpOffer
-from robots.bridge.delivery import Listener, ReceivedMessage
-from robots.bridge.known import KnownRobot
+from robots.bridge.bridge import Bridge
+from robots.bridge.delivery import ReceivedMessage
 from sessions.protocol import WantOffer
-from sessions.sfu import janus, robot_leg
+from sessions.sfu import janus
 from sessions.sfu.mountpoint import (
     CANNOT_CREATE,
     MOUNTPOINT_EXISTS,
     NO_SUCH_MOUNTPOINT,
     Mountpoint,
     MountpointInfo,
+    mountpoint_of,
     read_info,
     some_port,
 )
@@ -39,62 +42,52 @@ STREAMING = "streaming"
 STEP_SECONDS = 2.0
 PORTS_TRIED = 5  # at a time, for a mountpoint
 RETRY_SECONDS = 2.0  # between two attempts to reach Janus, or the robot
-LINGER_SECONDS = 10.0  # without a viewer: a page that reconnects finds everything as it was
-UNSIGNED_SECONDS = 8.0  # after which whoever signed a mountpoint is gone
+LINGER_SECONDS = 10.0  # without a viewer: a page that reconnects need not wait for the robot
+HEARTBEAT_TIMEOUT_S = 8.0  # without a new label, the owner of a mountpoint counts as dead
 OFFERS_AT_ONCE = 32
 SFU_LOST, FULL = "sfu_lost", "full"
 
 ToSfu = WantOffer | SdpAnswer | Candidate | Bye
-Tell = Callable[[SdpOffer | Bye], None]
-
-
-class ListeningBridge(robot_leg.SendingBridge, Protocol):
-    """What of robots.bridge.bridge.Bridge is used here."""
-
-    def listen(self, robot: str, listener: Listener) -> KnownRobot:
-        """Have a robot's messages brought to a listener."""
-
-    def ignore(self, robot: str, listener: Listener) -> None:
-        """Stop bringing them."""
+Send = Callable[[SdpOffer | Bye], None]
 
 
 @dataclass(eq=False)
 class SfuViewer:
     """A page that watches; `wants` while it waits for an offer."""
 
-    tell: Tell
+    send: Send
     wants: bool = False
-    gone: bool = False
+    has_left: bool = False
     handle: janus.Handle | None = None
 
 
 class Broadcast:
-    """A robot's stream for the pages of this process; lives on its loop while somebody watches.
+    """A robot's stream for the pages of this process; lives on its loop while a page watches.
 
     Args:
         mountpoint: where Janus has the robot's stream.
         open_session: connects to Janus, as `janus.open_session` does.
-        on_over: called at the end; who comes then needs another one.
+        on_over: called at the end; later pages need a new Broadcast.
 
-    `fault` is why nobody gets an offer, empty while they do.
+    `fault` is why pages get no offer, empty while they do.
     """
 
     def __init__(
         self,
         robot: str,
         mountpoint: Mountpoint,
-        bridge: ListeningBridge,
+        bridge: Bridge,
         open_session: Callable[[], contextlib.AbstractAsyncContextManager[janus.JanusSession]],
         on_over: Callable[[], None],
     ) -> None:
         self._robot, self._mountpoint, self._bridge = robot, mountpoint, bridge
         self._open_session, self._on_over = open_session, on_over
-        self._name = secrets.token_hex(8)  # with which this process signs
+        self._name = secrets.token_hex(8)  # begins our labels
         self._rng = random.Random(self._name)
-        self._signatures = 0
-        self._seen = ("", 0.0)  # another's signature, and since when it has been the same
+        self._labels = 0
+        self._seen = ("", 0.0)  # another owner's label, and since when it is unchanged
         self._viewers: dict[str, SfuViewer] = {}
-        self._left_at = time.monotonic()  # the last viewer
+        self._left_at = time.monotonic()  # when the last viewer left
         self._leg: RobotLeg | None = None
         self._next_leg_at = 0.0
         self.fault = ""
@@ -107,18 +100,18 @@ class Broadcast:
 
     # --- pages ------------------------------------------------------------------------------------
 
-    def join(self, peer: str, tell: Tell) -> None:
-        """Let a page watch; it asks for an offer when it is ready for one."""
-        self._viewers.setdefault(peer, SfuViewer(tell))
+    def join(self, peer: str, send: Send) -> None:
+        """Add a page, which requests an offer when it is ready for one."""
+        self._viewers.setdefault(peer, SfuViewer(send))
 
     def take(self, peer: str, message: ToSfu) -> None:
-        """Take what a page says to its side of the connection."""
+        """Handle a signalling message of a page."""
         viewer = self._viewers.get(peer)
         if viewer is None:
             return
         match message:
             case WantOffer() if self.fault:
-                viewer.tell(Bye(reason=self.fault))
+                viewer.send(Bye(reason=self.fault))
             case WantOffer():
                 viewer.wants = True
                 self._wake.set()
@@ -128,21 +121,21 @@ class Broadcast:
                 self._launch(self._pass_on, viewer, viewer.handle, message)
 
     def leave(self, peer: str) -> None:
-        """Let a page watch no more."""
+        """Remove a page."""
         viewer = self._viewers.pop(peer, None)
         if viewer is not None:
-            viewer.gone = True
+            viewer.has_left = True
             self._hang_up(viewer)
         if not self._viewers:
             self._left_at = time.monotonic()
 
     async def close(self) -> None:
-        """End at once, whoever watches."""
+        """End at once, even if pages watch."""
         self._task.cancel()
         await asyncio.wait([self._task])
 
     def handle_message(self, inbound: ReceivedMessage) -> None:
-        """Take what the robot says to its side of the connection."""
+        """Handle a message of the robot."""
         leg = self._leg
         if leg is not None and inbound.suffix == f"{leg.suffix}/reply":
             self._launch(self._take_reply, leg, inbound.message)
@@ -170,20 +163,20 @@ class Broadcast:
             self._on_over()
 
     def _ended(self, task: asyncio.Task[None]) -> None:
-        """Let no error of ours end it silently: its pages ask again, and get another one."""
+        """Log an error of ours, and let the pages request offers of a new Broadcast."""
         if not task.cancelled() and (error := task.exception()) is not None:
             log.error("sfu_failed", robot=self._robot, exc_info=error)
             self._lose()
 
     def _lose(self) -> None:
-        """Tell everybody that Janus is gone; what they ask for meanwhile is refused."""
+        """Report to all pages that Janus is lost; until it is back, their requests are refused."""
         self.fault = SFU_LOST
         if self._leg is not None:
             self._bridge.send(self._robot, self._leg.suffix, Bye(reason="left"))
             self._leg = None
         for viewer in self._viewers.values():
             viewer.handle, viewer.wants = None, False
-            viewer.tell(Bye(reason=SFU_LOST))
+            viewer.send(Bye(reason=SFU_LOST))
 
     async def _serve(self, session: janus.JanusSession) -> None:
         control = await session.attach(STREAMING)
@@ -204,8 +197,8 @@ class Broadcast:
             lost.cancel()
 
     async def _step(self, session: janus.JanusSession, control: janus.Handle, now: float) -> bool:
-        """Look after the mountpoint once; return whether nobody needs it any more."""
-        info = await self._look(control)
+        """Maintain the mountpoint; return whether it is not needed any more."""
+        info = await self._read(control)
         if info is None:
             info = await self._make(control)
         if info is None:
@@ -218,7 +211,7 @@ class Broadcast:
                 await control.ask(self._mountpoint.destroy())
             return True
         if owned:
-            self._signatures += 1
+            self._labels += 1
             await control.ask(self._mountpoint.sign(self._label()))
             await self._keep_leg(session, info, now)
         else:
@@ -227,7 +220,7 @@ class Broadcast:
             self._offer_all(session)
         return False
 
-    async def _look(self, control: janus.Handle) -> MountpointInfo | None:
+    async def _read(self, control: janus.Handle) -> MountpointInfo | None:
         try:
             return read_info((await control.ask(self._mountpoint.info())).data)
         except janus.JanusError as error:
@@ -236,7 +229,7 @@ class Broadcast:
             return None
 
     async def _make(self, control: janus.Handle) -> MountpointInfo | None:
-        """Make the mountpoint; None when Janus cannot: its next step tries again."""
+        """Create the mountpoint; None when Janus cannot, and the next step is to try again."""
         for _ in range(PORTS_TRIED):
             try:
                 request = self._mountpoint.create(some_port(self._rng), self._label())
@@ -246,20 +239,20 @@ class Broadcast:
                     continue  # its ports may be taken
                 if error.code != MOUNTPOINT_EXISTS:
                     raise
-            return await self._look(control)  # also where another process was quicker
+            return await self._read(control)  # also if another process was quicker
         log.warning("sfu_mountpoint_refused", robot=self._robot)
         return None
 
     def _label(self) -> str:
-        return f"{self._name} {self._signatures}"
+        return f"{self._name} {self._labels}"
 
     async def _watch_owner(self, control: janus.Handle, info: MountpointInfo, now: float) -> None:
-        """Leave the mountpoint to the process that signs it, while it does."""
+        """Leave the mountpoint to its owner, and destroy it when the owner counts as dead."""
         await self._end_leg()
         label, since = self._seen
         if info.label != label:
             self._seen = info.label, now
-        elif now - since > UNSIGNED_SECONDS:
+        elif now - since > HEARTBEAT_TIMEOUT_S:
             log.warning("sfu_owner_gone", robot=self._robot)
             with contextlib.suppress(janus.JanusError):  # another process was quicker
                 await control.ask(self._mountpoint.destroy())
@@ -299,7 +292,7 @@ class Broadcast:
         for viewer in self._viewers.values():
             if viewer.wants:
                 viewer.wants = False
-                viewer.tell(Bye(reason=reason))
+                viewer.send(Bye(reason=reason))
 
     # --- the pages' side --------------------------------------------------------------------------
 
@@ -310,12 +303,13 @@ class Broadcast:
                 self._launch(self._offer, session, viewer)
 
     async def _offer(self, session: janus.JanusSession, viewer: SfuViewer) -> None:
-        """Have Janus offer to a page; what it had before is over."""
+        """Have Janus make an offer to a page, and end its earlier connection."""
         async with self._turns:
             self._hang_up(viewer)
             try:
-                handle = await session.attach(STREAMING, lambda kind, _: self._heard(viewer, kind))
-                if viewer.gone:
+                on_event = functools.partial(self._on_event, viewer)
+                handle = await session.attach(STREAMING, on_event)
+                if viewer.has_left:
                     await handle.detach()
                     return
                 viewer.handle = handle
@@ -323,15 +317,15 @@ class Broadcast:
             except janus.JanusError as error:
                 log.warning("sfu_offer_refused", robot=self._robot, reason=str(error))
                 self._hang_up(viewer)
-                viewer.tell(Bye(reason="failed"))
+                viewer.send(Bye(reason="failed"))
                 return
             if viewer.handle is handle:
-                viewer.tell(SdpOffer(sdp=offer.sdp or ""))
+                viewer.send(SdpOffer(sdp=offer.sdp or ""))
 
-    def _heard(self, viewer: SfuViewer, kind: str) -> None:
+    def _on_event(self, viewer: SfuViewer, kind: str, _reason: str) -> None:
         if kind != janus.UP and viewer.handle is not None:
             self._hang_up(viewer)
-            viewer.tell(Bye(reason="failed"))
+            viewer.send(Bye(reason="failed"))
 
     async def _pass_on(
         self, viewer: SfuViewer, handle: janus.Handle, message: SdpAnswer | Candidate
@@ -344,7 +338,7 @@ class Broadcast:
         except janus.JanusError as error:
             log.info("sfu_viewer_refused", robot=self._robot, reason=str(error))
             self._hang_up(viewer)
-            viewer.tell(Bye(reason="failed"))
+            viewer.send(Bye(reason="failed"))
 
     def _hang_up(self, viewer: SfuViewer) -> None:
         handle, viewer.handle = viewer.handle, None
@@ -358,7 +352,7 @@ class Broadcast:
 
 
 async def _unless_lost(work: Callable[..., Coroutine[Any, Any, None]], *values: Any) -> None:
-    # whoever looks after the connection tells everybody
+    # `_run` reports it to all pages
     with contextlib.suppress(janus.JanusLostError):
         await work(*values)
 
@@ -372,3 +366,25 @@ def _candidate(message: Candidate) -> dict[str, Any]:
         else {"sdpMLineIndex": message.sdp_m_line_index or 0}
     )
     return {"candidate": message.candidate, **place}
+
+
+_broadcasts: dict[str, Broadcast] = {}  # of this process, by robot
+
+
+def has_sfu() -> bool:
+    """Tell whether this site has an SFU."""
+    return bool(settings.JANUS_URL)
+
+
+def broadcast_of(robot: str, bridge: Bridge) -> Broadcast:
+    """Return the broadcast of a robot, started for its first page."""
+    found = _broadcasts.get(robot)
+    if found is None:
+        found = _broadcasts[robot] = Broadcast(
+            robot,
+            mountpoint_of(settings.SECRET_KEY, robot),
+            bridge,
+            functools.partial(janus.open_session, settings.JANUS_URL, settings.JANUS_SECRET),
+            functools.partial(_broadcasts.pop, robot, None),
+        )
+    return found

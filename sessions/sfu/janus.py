@@ -1,7 +1,7 @@
 """A client of Janus' own protocol: one WebSocket, one session, and handles of plug-ins in it.
 
-https://janus.conf.meetecho.com/docs/rest.html and websockets.html: a request names a transaction,
-its answer repeats it; to an asynchronous one Janus says `ack` at once and `event` when it is done.
+https://janus.conf.meetecho.com/docs/rest.html and websockets.html: a request has a transaction,
+which its answer repeats; an asynchronous request gets `ack` at once and `event` when it is done.
 When the WebSocket closes, Janus ends the session and every handle in it.
 """
 
@@ -19,14 +19,13 @@ from websockets.typing import Subprotocol
 
 ANSWER_SECONDS = 5.0
 MAX_ANSWER = 256 * 1024  # bytes
-# What Janus says of a handle without having been asked: its peer connection is there, has ended, or
-# the handle itself has.
+# Events of a handle: its peer connection is up, has ended, or the handle itself has.
 UP, HANGUP, DETACHED = "webrtcup", "hangup", "detached"
 OnEvent = Callable[[str, str], None]
 
 
 class JanusError(Exception):
-    """Janus, or a plug-in of it, refuses a request; `code` is one of theirs."""
+    """Janus, or a plug-in of it, refused a request; `code` is theirs."""
 
     def __init__(self, code: int, reason: str) -> None:
         super().__init__(f"{reason} ({code})")
@@ -34,12 +33,12 @@ class JanusError(Exception):
 
 
 class JanusLostError(Exception):
-    """Janus is not there, not any more, or does not answer."""
+    """Janus cannot be reached, closed the connection, or does not answer."""
 
 
 @dataclass(frozen=True)
 class PluginAnswer:
-    """What a plug-in answers, and the session description that comes with it, if any."""
+    """The answer of a plug-in, with its session description, if any."""
 
     data: dict[str, Any]
     sdp: str | None = None
@@ -55,11 +54,11 @@ class Handle:
     async def ask(
         self, body: dict[str, Any], *, kind: str = "answer", sdp: str | None = None
     ) -> PluginAnswer:
-        """Send the plug-in a request, perhaps with a session description of `kind`.
+        """Send the plug-in a request, optionally with a session description of `kind`.
 
         Raises:
             JanusError: it is refused.
-            JanusLostError: nobody answers.
+            JanusLostError: there is no answer.
         """
         jsep = {} if sdp is None else {"jsep": {"type": kind, "sdp": sdp}}
         answer = await self.session.request("message", self.number, body=body, **jsep)
@@ -69,8 +68,7 @@ class Handle:
         return PluginAnswer(data, answer.get("jsep", {}).get("sdp"))
 
     async def trickle(self, candidate: dict[str, Any]) -> None:
-        """Hand on a candidate of the other side of the peer connection; Janus acknowledges each,
-        which nobody waits for.
+        """Send a candidate of the other peer, without waiting for Janus' acknowledgement.
 
         Raises:
             JanusLostError: the connection is gone.
@@ -78,7 +76,7 @@ class Handle:
         await self.session.send("trickle", self.number, candidate=candidate)
 
     async def detach(self) -> None:
-        """Leave the plug-in, which ends the peer connection; a handle that is gone is no error."""
+        """Detach, which ends the peer connection; a handle that has ended is no error."""
         self.session.forget(self)
         with contextlib.suppress(JanusError, JanusLostError):
             await self.session.request("detach", self.number)
@@ -99,7 +97,7 @@ class JanusSession:
 
         Raises:
             JanusError: it is refused.
-            JanusLostError: nobody answers.
+            JanusLostError: there is no answer.
         """
         transaction = secrets.token_hex(8)
         answer: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
@@ -114,7 +112,7 @@ class JanusSession:
             self._answers.pop(transaction, None)
 
     async def send(self, verb: str, handle: int | None = None, **fields: Any) -> None:
-        """Send a request whose answer nobody waits for.
+        """Send a request without waiting for its answer.
 
         Raises:
             JanusLostError: the connection is gone.
@@ -143,16 +141,16 @@ class JanusSession:
         return handle
 
     def forget(self, handle: Handle) -> None:
-        """Say nothing more of a handle."""
+        """Stop reporting events of a handle."""
         self._on_event.pop(handle.number, None)
 
     async def listen(self) -> None:
-        """Take what Janus says until its connection is gone."""
+        """Receive messages until the connection ends."""
         try:
             async for frame in self._socket:
                 self._take(msgspec.json.decode(frame))
         except (OSError, WebSocketException, msgspec.DecodeError):
-            pass  # the end of the connection, like its orderly closing
+            pass  # ends the connection, like an orderly close
         finally:
             self.closed.set()
             for answer in self._answers.values():

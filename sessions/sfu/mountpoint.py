@@ -31,15 +31,15 @@ class Mountpoint:
     """One robot's mountpoint, the same for every process of a site.
 
     Args:
-        number: under which Janus knows it.
-        secret: which its makers show; it is also what viewers show.
+        number: its id in Janus.
+        secret: the password of its owners and of its viewers.
     """
 
     number: int
     secret: str
 
     def create(self, first_port: int, label: str) -> dict[str, Any]:
-        """Return the request that makes it, at four ports of Janus' loopback interface."""
+        """Return the request that creates it, at four ports of Janus' loopback interface."""
         media = [
             {
                 "type": kind,
@@ -66,11 +66,11 @@ class Mountpoint:
         }
 
     def info(self) -> dict[str, Any]:
-        """Return the request that asks who watches, and who looks after it."""
+        """Return the request for a MountpointInfo."""
         return {"request": "info", "id": self.number, "secret": self.secret}
 
     def sign(self, label: str) -> dict[str, Any]:
-        """Return the request that says who looks after it."""
+        """Return the request that sets the owner's label."""
         return {
             "request": "edit",
             "id": self.number,
@@ -79,17 +79,17 @@ class Mountpoint:
         }
 
     def destroy(self) -> dict[str, Any]:
-        """Return the request that ends it, and the connections of all its viewers."""
+        """Return the request that destroys it, with the connections of its viewers."""
         return {"request": "destroy", "id": self.number, "secret": self.secret}
 
     def watch(self) -> dict[str, Any]:
-        """Return the request of a viewer, which Janus answers with an offer."""
+        """Return a viewer's request for an offer."""
         return {"request": "watch", "id": self.number, "pin": self.secret}
 
 
 @dataclass(frozen=True)
 class MountpointInfo:
-    """What Janus says of a mountpoint: who looks after it, how many watch, and where it listens."""
+    """A mountpoint as Janus reports it: the owner's label, viewers, and the first of its ports."""
 
     label: str
     viewers: int
@@ -97,7 +97,7 @@ class MountpointInfo:
 
 
 def mountpoint_of(site_secret: str, robot: str) -> Mountpoint:
-    """Return the mountpoint of a robot; nobody without the site's secret can guess it."""
+    """Return the mountpoint of a robot, which only knows who has the site's secret."""
     digest = salted_hmac("sessions.sfu", robot, secret=site_secret, algorithm="sha256").digest()
     # Janus takes whole numbers that JavaScript can hold
     return Mountpoint(int.from_bytes(digest[:8]) >> 12 or 1, digest[8:24].hex())
@@ -109,7 +109,7 @@ def some_port(rng: random.Random) -> int:
 
 
 def read_info(data: dict[str, Any]) -> MountpointInfo:
-    """Return what an answer to `Mountpoint.info` says."""
+    """Read an answer to `Mountpoint.info`."""
     info = data["info"]
     ports = [stream["port"] for stream in info["media"]]
     return MountpointInfo(str(info.get("metadata", "")), int(info["viewers"]), min(ports))
@@ -117,7 +117,7 @@ def read_info(data: dict[str, Any]) -> MountpointInfo:
 
 def plain_offer(first_port: int) -> str:
     """Return the description of a mountpoint's ports from which NoSIP makes the robot's offer:
-    sound and video as plain RTP, received only, where lost packets may be asked for again.
+    receive-only sound and video as plain RTP; lost packets of video can be requested.
     """
     lines = ["v=0", f"o=- 1 1 IN IP4 {_LOOPBACK}", "s=-", f"c=IN IP4 {_LOOPBACK}", "t=0 0"]
     for kind, offset in ((AUDIO, 0), (VIDEO, 2)):

@@ -1,13 +1,13 @@
-"""The robot's connection to Janus, which to the robot is one more page that watches."""
+"""The robot's connection to Janus, which the robot treats as one more page that watches."""
 
 import secrets
 import time
 from collections.abc import Callable
-from typing import Protocol
 
 import structlog
 
 from robots.api.messages import Bye, Message, SdpAnswer, SdpOffer, Stay
+from robots.bridge.bridge import Bridge
 from robots.ice import ice_servers
 from sessions.protocol import SIGNAL
 from sessions.sfu import janus
@@ -17,25 +17,17 @@ log = structlog.stdlib.get_logger(__name__)
 
 NOSIP = "nosip"
 CONNECT_SECONDS = 10.0  # from the offer
-STAY_SECONDS = 60.0  # the robot ends who was not vouched for in 150 s
-
-
-class SendingBridge(Protocol):
-    """What of robots.bridge.bridge.Bridge is used here."""
-
-    def send(self, robot: str, suffix: str, message: Message) -> bool:
-        """Publish a message to a robot; False when it cannot be."""
+STAY_SECONDS = 60.0  # the robot ends a connection without a Stay for 150 s
 
 
 class RobotLeg:
-    """One connection, from Janus' offer to its end; what follows it is another one. `boot` is the
-    run of the robot's agent, empty while that is unknown.
-
-    `ended` is why it has, None while it has not; `on_change` is called when it is up, or has ended.
+    """One connection, from Janus' offer to its end. `boot` is the run of the robot's agent, empty
+    while unknown. `ended` is the reason of the end, None before; `on_change` is called when the
+    connection is up, or has ended.
     """
 
     def __init__(
-        self, robot: str, boot: str, bridge: SendingBridge, on_change: Callable[[], None]
+        self, robot: str, boot: str, bridge: Bridge, on_change: Callable[[], None]
     ) -> None:
         self.peer = secrets.token_urlsafe(12)
         self.is_up = False
@@ -44,13 +36,13 @@ class RobotLeg:
         self._bridge, self._on_change = bridge, on_change
         self._handle: janus.Handle | None = None
         self._began = time.monotonic()
-        self._vouched = (0, self._began)  # for how many viewers, and when
+        self._vouched = (0, self._began)  # the viewers in the last Stay, and its time
 
     async def begin(self, session: janus.JanusSession, first_port: int) -> None:
         """Have Janus make an offer, and send it to the robot.
 
         Raises:
-            JanusError, JanusLostError: there is none.
+            JanusError, JanusLostError: Janus makes none.
         """
         self._handle = await session.attach(NOSIP, self._take_event)
         offer = await self._handle.ask(
@@ -63,11 +55,11 @@ class RobotLeg:
 
     @property
     def suffix(self) -> str:
-        """Return the robot's suffix for what this peer says."""
+        """Return the suffix of this peer's messages to the robot."""
         return f"{SIGNAL}/{self.peer}"
 
     async def take_reply(self, reply: Message) -> None:
-        """Take what the robot answers.
+        """Handle an answer of the robot.
 
         Raises:
             JanusError, JanusLostError: Janus does not take it.
@@ -79,9 +71,7 @@ class RobotLeg:
                 self.ended = reason or "left"
 
     def is_lost(self, boot: str, now: float) -> bool:
-        """Tell whether another one is needed, now that the robot's agent is in its run `boot`;
-        `now` is monotonic.
-        """
+        """Tell whether a new connection is needed, with the agent in run `boot`; `now` in s."""
         # Janus does not notice the end of a robot that could not say goodbye.
         if self._boot and boot != self._boot:
             self.ended = self.ended or "robot_restarted"
@@ -91,16 +81,14 @@ class RobotLeg:
         return self.ended is not None
 
     def vouch(self, viewers: int, now: float) -> None:
-        """Tell the robot that this peer may stay, and how many watch through it, if that is news or
-        due.
-        """
-        told, at = self._vouched
-        if self.is_up and (viewers != told or now - at > STAY_SECONDS):
+        """Send a Stay with the number of viewers, if that has changed or the Stay is due."""
+        sent, at = self._vouched
+        if self.is_up and (viewers != sent or now - at > STAY_SECONDS):
             self._vouched = viewers, now
             self._bridge.send(self._robot, self.suffix, Stay(viewers=viewers))
 
     async def end(self) -> None:
-        """Say goodbye on both sides."""
+        """End the connection on both sides."""
         self._bridge.send(self._robot, self.suffix, Bye(reason="left"))
         if self._handle is not None:
             await self._handle.detach()

@@ -1,4 +1,4 @@
-"""What one session manager does about members and shards, decided from their rows: pure.
+"""Decides from the rows of members and shards what one session manager does about them: pure.
 
 Members occupy slots, and count their beats in their rows. No clocks of two machines are compared:
 an observer takes a member for dead when it has seen the same count for SILENT_SECONDS of its own
@@ -20,8 +20,8 @@ FIRST_SECONDS = 3.0  # of one that was never seen to grow: a member that is alon
 
 @dataclass(frozen=True, slots=True)
 class ManagerSlot:
-    """The row of a slot. `holder` is the process that occupies it, empty for nobody; `prepared`
-    are the slots by whose division it has subscribed to the broker's topics.
+    """The row of a slot. `holder` is the process that occupies it, empty if none; `prepared` are
+    the slots by whose division it has subscribed to the broker's topics.
     """
 
     slot: int
@@ -76,7 +76,7 @@ class Observer:
 
 
 def occupied(members: Iterable[ManagerSlot]) -> dict[int, ManagerSlot]:
-    """Return the members whose slot somebody holds, by slot."""
+    """Return the members whose slot is occupied, by slot."""
     return {member.slot: member for member in members if member.holder}
 
 

@@ -57,17 +57,19 @@ class Ownership:
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         self.epochs: Mapping[int, int] = MappingProxyType({})
-        self.wanted: frozenset[int] = frozenset()  # ours, or to be ours: their topics are heard
+        self.wanted: frozenset[int] = (
+            frozenset()
+        )  # ours, or soon ours: we subscribe to their topics
         self.slots: tuple[int, ...] = ()  # by whose division they are wanted
         self.was_shared = False  # whether there ever was another slot
-        # ours no more, but for what is still to be written before somebody else gets them
+        # Given up, but another process gets them only when everything received is written.
         self.leaving: Mapping[int, int] = MappingProxyType({})
         self.version = 0  # grows with every change of `epochs`
         self._clock = clock
         self._confirmed_until = float("-inf")
         self._local = threading.local()
 
-    # --- what is ours -----------------------------------------------------------------------------
+    # --- our shards -------------------------------------------------------------------------------
 
     def become(self, epochs: Mapping[int, int]) -> None:
         """Own exactly these shards from now on."""
@@ -80,11 +82,11 @@ class Ownership:
         return shard_of(robot) in self.epochs
 
     def wants(self, robot: str) -> bool:
-        """Tell whether the robot's topics are to be heard."""
+        """Tell whether to subscribe to the robot's topics."""
         return shard_of(robot) in self.wanted
 
     def records(self, robot: str) -> bool:
-        """Tell whether what is known of a robot is still ours to write."""
+        """Tell whether this process may still write the record of a robot."""
         return self._epoch(shard_of(robot)) is not None
 
     def _epoch(self, number: int) -> int | None:
@@ -97,18 +99,18 @@ class Ownership:
 
     @property
     def is_whole(self) -> bool:
-        """Whether every robot is ours and nobody is about to get any."""
+        """Whether every robot is ours and none is about to be given away."""
         return len(self.epochs) == len(self.wanted) == N_SHARDS
 
     def confirm(self, at: float) -> None:
-        """Note a beat that began at `at` and succeeded, or that nobody could have made."""
+        """Note a beat that began at `at` and succeeded, or that no process could have made."""
         lasts = CONFIRMED_SECONDS if len(self.slots) > 1 else CONFIRMED_ALONE_SECONDS
         self._confirmed_until = at + lasts
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether nobody can have taken anything since the last beat: false in a process that has
-        just gone on after a stop.
+        """Whether no other process can have taken our shards since the last beat: false in a
+        process that has just resumed after a stop.
         """
         return self._clock() < self._confirmed_until
 

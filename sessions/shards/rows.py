@@ -1,4 +1,4 @@
-"""Members and shards in the database: every change is one conditional update, so that of several
+"""Members and shards in the database. Every change is one conditional update, so that of several
 processes that try the same change one succeeds.
 """
 
@@ -41,9 +41,7 @@ def members() -> list[ManagerSlot]:
 
 
 def occupy(slot: int, before: ManagerSlot | None, holder: str, now: datetime.datetime) -> bool:
-    """Take a slot from the member that was read in it, None for a slot without a row; False when
-    the row has changed since.
-    """
+    """Take a slot from the member read in it (None: no row); False when it has changed."""
     if before is None:
         try:
             with transaction.atomic():
@@ -57,7 +55,7 @@ def occupy(slot: int, before: ManagerSlot | None, holder: str, now: datetime.dat
 
 
 def dismiss(member: ManagerSlot) -> bool:
-    """Free the slot of a member that is taken for dead; False when it has beaten meanwhile."""
+    """Free the slot of a member that counts as dead; False when it has beaten since."""
     return bool(_unchanged(member).update(holder="", beats=member.beats + 1, report={}))
 
 

@@ -1,9 +1,9 @@
-"""The operator's part of a lease, carried out in the database: taken, released, and recorded.
+"""The hidden operator's part of a lease in the database: taken, released, and recorded.
 
-The visitor holds the lease; these change who drives under it. As there (sessions/leases/store.py),
-correctness rests on comparing and setting: the operator changes only where lease and operator are
-still those that were read, and every change has a new epoch, so that commands of the page before
-are void.
+The visitor holds the lease; these functions change who drives under it. As in
+sessions/leases/store.py, correctness rests on comparing and setting: the operator changes only if
+lease and operator are still those that were read, and every change has a new epoch, so that
+commands of the previous page are void.
 """
 
 import datetime
@@ -15,7 +15,7 @@ from accounts.models import User
 from robots.api import messages as m
 from robots.models import Robot
 from sessions.leases import terms
-from sessions.leases.store import LIVE, hold_of, lease_message
+from sessions.leases.store import LIVE, message_of
 from sessions.models import Lease, Session, SessionEvent
 
 Refusal = Literal["occupied", "ended", "refused"]
@@ -45,11 +45,10 @@ def operator_of(session: Session) -> str:
 def take(
     session: str, user: User, peer: str, now: datetime.datetime, *, takeover: bool = False
 ) -> m.Lease | Refusal:
-    """Let a page drive in a session, from whoever may operate it (sessions/wizard/operators.py):
-    return the lease that says so.
+    """Let a page of a permitted operator (sessions/wizard/operators.py) drive in a session, and
+    return the new lease.
 
-    Another user who operates it is sent away by a `takeover` alone; of one user the newest page
-    operates.
+    Only a `takeover` replaces another user; the newest page of a user replaces earlier ones.
     """
     for _ in range(ATTEMPTS):
         lease = _lease_of(session)
@@ -65,7 +64,7 @@ def take(
 
 
 def release(session: str, peer: str, now: datetime.datetime) -> m.Lease | None:
-    """Let nobody drive in a session that this page operates; None when it does not."""
+    """Stop operating a session, and return the new lease; None if this page does not operate it."""
     lease = _lease_of(session)
     if lease is None or lease.wizard_peer != peer or not _change(lease, "", None):
         return None
@@ -79,7 +78,7 @@ def _lease_of(session: str) -> Lease | None:
 
 
 def _change(lease: Lease, peer: str, user: User | None) -> bool:
-    """Change the operator if lease and operator are still those; the only statement that does."""
+    """Change the operator if lease and operator are unchanged; no other statement does."""
     unchanged = Lease.objects.filter(
         robot=lease.robot_id, epoch=lease.epoch, wizard_epoch=lease.wizard_epoch
     )
@@ -93,42 +92,19 @@ def _change(lease: Lease, peer: str, user: User | None) -> bool:
 
 
 def _message(session: str, now: datetime.datetime) -> m.Lease:
-    lease = Lease.objects.select_related("robot", "session__visitor").get(session_id=session)
-    row = lease.session
-    assert row is not None
-    return lease_message(
-        lease.robot,
-        row.visitor.sent_name,
-        hold_of(lease),
-        renewal=lease.renewal,
-        stamp=now.timestamp(),
-        assist=row.assist,
-        fixed=terms.of(row),
-    )
+    rows = Lease.objects.select_related("robot", "session__visitor")
+    return message_of(rows.get(session_id=session), now)
 
 
 def note(session: str, kind: str, user: User, now: datetime.datetime, **data: Any) -> None:
-    """Write into the record of a session what its operator did; `by` is the operator's key, which
-    datasets have as a pseudonym.
-    """
-    stamp = now.timestamp()
-    SessionEvent.objects.create(
-        session_id=session,
-        source=SessionEvent.Source.SERVER,
-        type=kind,
-        stamp=stamp,
-        received_at=stamp,
-        data={**data, "by": str(user.pk)},
-    )
+    """Record an action of a session's operator, whose key datasets replace by a pseudonym."""
+    event = SessionEvent.of_server(session, kind, now, {**data, "by": str(user.pk)})
+    event.save(force_insert=True)
 
 
 def steps_done(session: str) -> list[tuple[float, str]]:
-    """Return (Unix seconds, key) of the steps that were begun in a session, in their order, without
-    those that could not be sent.
-    """
-    rows = SessionEvent.objects.filter(
-        session=session, source=SessionEvent.Source.SERVER, type=STEP
-    ).order_by("stamp")
+    """Return (Unix seconds, key) of the steps that were begun and sent, in order."""
+    rows = SessionEvent.server_events(session, STEP).order_by("stamp")
     return [
         (stamp, str(data.get("step", "")))
         for stamp, data in rows.values_list("stamp", "data")

@@ -1,7 +1,5 @@
-"""Who may operate which session unseen, and by which script: what an app above this one answers.
-
-This app knows no studies; one that does registers a provider, as for terms
-(sessions/leases/terms.py).
+"""Who may operate which session as a hidden operator, and by which script. This app knows no
+studies; one that does registers a provider, as for terms (sessions/leases/terms.py).
 """
 
 from dataclasses import dataclass
@@ -17,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class OperatedSession:
-    """What an operator is told of a session. `condition` is empty for one who is blind to it."""
+    """What an operator may know of a session. `condition` is empty for an operator blind to it."""
 
     participant: str
     condition: str
@@ -26,20 +24,20 @@ class OperatedSession:
 
 
 class OperatorProvider(Protocol):
-    """What an app above this one answers; both are called with the ORM at hand."""
+    """The questions to an app above this one; both may use the ORM."""
 
     def may_operate(self, user: "User", robot: "Robot") -> bool:
         """Tell whether a user is an operator of any study that uses this robot."""
 
     def operated(self, user: "User", session: "Session") -> OperatedSession | None:
-        """Return what an operator is told of a session; None when it is not theirs."""
+        """Return what an operator may know of a session; None if the user does not operate it."""
 
 
 _providers: list[OperatorProvider] = []
 
 
 def register(provider: OperatorProvider) -> None:
-    """Have a provider asked from now on; registering twice does nothing."""
+    """Add a provider; registering twice has no effect."""
     if provider not in _providers:
         _providers.append(provider)
 
@@ -52,6 +50,6 @@ def may_operate(user: "User", robot: "Robot") -> bool:
 
 
 def operated(user: "User", session: "Session") -> OperatedSession | None:
-    """Return what an operator is told of a session; None when it is not theirs."""
+    """Return what an operator may know of a session; None if the user does not operate it."""
     found = (provider.operated(user, session) for provider in _providers)
     return next((one for one in found if one is not None), None)

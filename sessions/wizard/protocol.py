@@ -1,16 +1,14 @@
-"""What the page of a hidden operator and the server say to each other, beside Robot API v1.
+"""The messages between the page of a hidden operator and the server, beside Robot API v1.
 
 Frames are as in sessions/protocol.py. The page sends `command/velocity`, `command/heartbeat`,
-`command/action` with a stop, `signal`, and what is below. The server relays no message that tells
-the condition of a study: of a state only what `RobotView` has.
+`command/action` with a stop, `signal`, and the messages below. The server relays no message that
+reveals the condition of a study: of a state only the fields of `RobotView`.
 """
 
 from typing import Annotated, Any, Literal
 
-import msgspec
 from msgspec import Meta
 
-from robots.api.errors import Rejection
 from robots.api.messages import (
     Battery,
     Bye,
@@ -29,6 +27,8 @@ from robots.api.messages import (
     Stamp,
     Velocity,
 )
+from sessions import protocol
+from sessions.protocol import decoders_of
 from sessions.wizard.script import Deviation, Script
 
 PATH = "ws/robots/<slug:robot>/wizard/"
@@ -38,14 +38,14 @@ Line = Annotated[str, Meta(min_length=1, max_length=500)]
 
 
 class TakeOver(Message, frozen=True, kw_only=True):
-    """`wizard/take`: I operate this session; `takeover` although somebody else does."""
+    """`wizard/take`: I operate this session; `takeover` from another operator."""
 
     session: Id
     takeover: bool = False
 
 
 class StopOperating(Message, frozen=True, kw_only=True):
-    """`wizard/release`: I operate it no more."""
+    """`wizard/release`: I stop operating the session."""
 
 
 class BeginStep(Message, frozen=True, kw_only=True):
@@ -57,7 +57,7 @@ class BeginStep(Message, frozen=True, kw_only=True):
 
 
 class FreeLine(Message, frozen=True, kw_only=True):
-    """`wizard/line`: say what is not in the script."""
+    """`wizard/line`: say a text that the script does not have."""
 
     text: Line
     aloud: bool = True
@@ -66,9 +66,7 @@ class FreeLine(Message, frozen=True, kw_only=True):
 
 
 class Reached(Message, frozen=True, kw_only=True):
-    """`wizard/reached`: `latency` seconds after it was pressed the robot had a step, by the clocks
-    of both.
-    """
+    """`wizard/reached`: the robot received a step `latency` s after the press, by both clocks."""
 
     action_id: Id
     latency: Annotated[float, Meta(ge=0.0, le=60.0)]
@@ -88,11 +86,11 @@ class WizardHello(Message, frozen=True, kw_only=True):
 
 
 class SessionToOperate(Message, frozen=True, kw_only=True):
-    """`wizard/session`: the session at the robot; without one nobody takes part now.
+    """`wizard/session`: the session at the robot, None without one.
 
     `participant` is a code, `condition` its title unless the operator is blind to it, `operator`
-    who operates: this page, somebody else, or nobody. `visitor_seen` is whether the participant's
-    page is open.
+    who operates: this page, another one, or none. `visitor_seen` is whether the participant's page
+    is open.
     """
 
     session: Id | None = None
@@ -112,7 +110,7 @@ class Operating(Message, frozen=True, kw_only=True):
 
 
 class Lost(Message, frozen=True, kw_only=True):
-    """`wizard/lost`: you operate no more: `taken` by somebody else, `ended`, or `refused`."""
+    """`wizard/lost`: you no longer operate: `taken` by another operator, `ended`, or `refused`."""
 
     reason: Literal["taken", "ended", "refused", "occupied"]
 
@@ -128,8 +126,8 @@ class StepBegun(Message, frozen=True, kw_only=True):
 
 
 class RobotView(Message, frozen=True, kw_only=True):
-    """`wizard/state`: what the operator is told of a state of the robot. `command_age` is how old
-    the newest velocity was when the wheels had it.
+    """`wizard/state`: the part of a robot's state that the operator receives. `command_age` is the
+    age of the newest velocity when it reached the wheels, in seconds.
     """
 
     stamp: Stamp
@@ -145,7 +143,7 @@ class RobotView(Message, frozen=True, kw_only=True):
 
 
 class ParticipantView(Message, frozen=True, kw_only=True):
-    """`wizard/participant`: the cue on the participant's page, and what is left of the task."""
+    """`wizard/participant`: the cue on the participant's page, and the rest of the task's time."""
 
     cue: Name = ""
     number: Count | None = None
@@ -169,9 +167,7 @@ TO_PAGE: dict[str, type] = {
     "wizard/state": RobotView,
     "wizard/participant": ParticipantView,
 }
-_DECODERS: dict[str, msgspec.json.Decoder[Any]] = {
-    suffix: msgspec.json.Decoder(kind) for suffix, kind in TO_SERVER.items()
-} | {"signal": msgspec.json.Decoder(SdpOffer | Candidate | Bye)}
+_DECODERS = decoders_of({**TO_SERVER, "signal": SdpOffer | Candidate | Bye})
 
 
 def decode(suffix: str, payload: str) -> Any:
@@ -180,10 +176,4 @@ def decode(suffix: str, payload: str) -> Any:
     Raises:
         Rejection: unknown suffix or malformed.
     """
-    decoder = _DECODERS.get(suffix)
-    if decoder is None:
-        raise Rejection("unknown_topic", suffix[:80])
-    try:
-        return decoder.decode(payload)
-    except (msgspec.DecodeError, RecursionError) as error:
-        raise Rejection("malformed", f"{suffix}: {error}") from error
+    return protocol.decode(suffix, payload, _DECODERS)

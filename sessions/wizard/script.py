@@ -1,7 +1,7 @@
-"""The script of a hidden operator as a page and its server need it, and how far it is: pure.
+"""The script of a hidden operator, and its progress: pure.
 
-An app above this one makes it of a study. Every step is one button: a text for the robot to say, an
-action of the Robot API, or a velocity for some seconds, which the page sends.
+An app above this one makes it from a study. Every step is one button: a text for the robot to say,
+an action of the Robot API, or a velocity for some seconds, which the page sends.
 """
 
 from dataclasses import dataclass, field
@@ -28,7 +28,7 @@ Deviation = Literal["", "out_of_order", "repeated", "late"]
 
 
 class TimedDrive(Message, frozen=True, kw_only=True):
-    """A velocity for so many seconds."""
+    """A velocity for `seconds`."""
 
     linear: LinearSpeed = 0.0
     angular: AngularSpeed = 0.0
@@ -80,7 +80,7 @@ class Script(Message, frozen=True, kw_only=True):
 
 
 def action_of(step: ScriptStep, language: str, *, action_id: str, stamp: float) -> Action | None:
-    """Return what the robot is asked for by a step; None by one that the page drives."""
+    """Return the action of a step; None for one that the page drives."""
     if step.text:
         return Say(
             action_id=action_id, stamp=stamp, text=step.text, language=language, aloud=step.aloud
@@ -99,7 +99,7 @@ def action_of(step: ScriptStep, language: str, *, action_id: str, stamp: float) 
 
 @dataclass(frozen=True)
 class Press:
-    """A step that was begun: what deviated from the script, and how many steps were passed over."""
+    """A step that was begun, its deviation from the script, and how many steps it skipped."""
 
     step: ScriptStep
     deviation: Deviation
@@ -108,7 +108,7 @@ class Press:
 
 @dataclass
 class ScriptProgress:
-    """How far a script is. `began_at` and `now` are in seconds of the same clock."""
+    """The progress of a script. `began_at` and `now` are in seconds of the same clock."""
 
     script: Script
     began_at: float
@@ -124,10 +124,11 @@ class ScriptProgress:
         return press
 
     def judge(self, key: str, now: float) -> Press | None:
-        """Return what it would be to begin a step; None when the script has none of that key.
+        """Return the Press that beginning a step now would be; None when the script has none of
+        that key.
 
-        A step counts as passed over when the next one after it in the script is begun before it;
-        begun later it is out of order.
+        A step counts as skipped when the next one of the script is begun before it; if it is begun
+        later, it is out of order.
         """
         steps = self.script.steps
         index = next((i for i, step in enumerate(steps) if step.key == key), None)

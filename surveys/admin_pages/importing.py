@@ -1,19 +1,19 @@
-"""The administration's pages that import a questionnaire from another system: a file, the report of
-what became of it, and only then the questionnaire.
-
-Between the two pages the questionnaire travels in the form, signed, so that the server keeps
-nothing that nobody saves.
+"""Pages of the administration that import a questionnaire from a file of another system: the report
+first, then the questionnaire. Between them it is in the form, signed, so that the server stores
+nothing that is not saved.
 """
 
+from collections.abc import Callable
 from typing import Any
 
 import msgspec
 from django import forms
 from django.contrib import admin, messages
+from django.contrib.auth.decorators import permission_required
 from django.core import signing
-from django.core.exceptions import PermissionDenied
 from django.http import HttpRequest, HttpResponse
 from django.shortcuts import redirect, render
+from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
@@ -25,10 +25,8 @@ from surveys.document_forms.fields import language_name
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import BadDefinitionError
 from surveys.forms import format_reference
-from surveys.importing import report as reports
 from surveys.importing.reading import MAX_FILE, MAX_SLUG, import_survey
 from surveys.importing.report import ImportReport
-from surveys.importing.survey_format import Wishes
 from surveys.models import Questionnaire
 from surveys.questionnaires import store_next
 
@@ -39,8 +37,6 @@ PARCEL_SECONDS = 24 * 3600
 
 
 class FileForm(forms.Form):
-    """Which file, and what it does not say itself."""
-
     file = forms.FileField(label=gettext_lazy("File"), help_text=format_reference("questionnaires"))
     language = forms.RegexField(
         r"^[a-z]{2,3}(-[a-z0-9]{2,8})*$",
@@ -60,8 +56,6 @@ class FileForm(forms.Form):
 
 
 class SaveForm(forms.Form):
-    """The name of the questionnaire, and what is to be stored under it."""
-
     name = forms.RegexField(
         r"^[a-z][a-z0-9-]*$",
         label=gettext_lazy("Name"),
@@ -73,39 +67,38 @@ class SaveForm(forms.Form):
     parcel = forms.CharField(widget=forms.HiddenInput)
 
 
+def urls(guard: Callable[..., Any]) -> list[URLPattern]:
+    return [
+        path("import/", guard(choose), name="surveys_questionnaire_import"),
+        path("import/save/", guard(save), name="surveys_questionnaire_import_save"),
+    ]
+
+
 @require_http_methods(["GET", "HEAD", "POST"])
+@permission_required(ADD, raise_exception=True)
 def choose(request: HttpRequest) -> HttpResponse:
-    """Take a file and show what became of it; nothing is stored."""
-    _check(request)
     form = FileForm(request.POST, request.FILES) if request.method == "POST" else FileForm()
     if not form.is_valid():
         return _page(request, {"form": form})
-    wishes = Wishes(form.cleaned_data["language"], form.cleaned_data["form"].strip())
+    document = form.cleaned_data["file"].read(MAX_FILE + 1)
+    language, one_form = form.cleaned_data["language"], form.cleaned_data["form"].strip()
     try:
-        found = import_survey(form.cleaned_data["file"].read(MAX_FILE + 1), wishes)
+        found = import_survey(document, language, one_form)
     except BadDefinitionError as error:
-        return _refused(request, form, sentences(error.problems))
+        form.add_error("file", sentences(error.problems))
+        return _page(request, {"form": form})
     if found.definition is None:
-        return _refused(request, form, found.problems)
-    parcel = signing.dumps(
-        [msgspec.to_builtins(found.definition), reports.stored(found.report)],
-        salt=SALT,
-        compress=True,
-    )
+        form.add_error("file", found.problems)
+        return _page(request, {"form": form})
+    documents = msgspec.to_builtins([found.definition, found.report])
+    parcel = signing.dumps(documents, salt=SALT, compress=True)
     save_form = SaveForm(initial={"name": found.slug, "parcel": parcel})
     return _page(request, _shown(save_form, found.definition, found.report))
 
 
-def _refused(request: HttpRequest, form: FileForm, problems: list[str]) -> HttpResponse:
-    for problem in problems:
-        form.add_error("file", problem)
-    return _page(request, {"form": form})
-
-
 @require_POST
+@permission_required(ADD, raise_exception=True)
 def save(request: HttpRequest) -> HttpResponse:
-    """Store what the report showed, as a new version of its name."""
-    _check(request)
     form = SaveForm(request.POST)
     try:
         document, report_document = signing.loads(
@@ -114,29 +107,25 @@ def save(request: HttpRequest) -> HttpResponse:
     except signing.BadSignature:
         messages.error(request, _("The import has expired. Choose the file again."))
         return redirect("admin:surveys_questionnaire_import")
-    definition, report = from_stored(document), reports.from_stored(report_document)
+    definition = from_stored(document)
+    report = msgspec.convert(report_document, ImportReport)
     if not form.is_valid():
         return _page(request, _shown(form, definition, report))
     named = msgspec.structs.replace(definition, slug=form.cleaned_data["name"])
     try:
         row, is_new = store_next(named, report, timezone.now())
     except BadDefinitionError as error:
-        for problem in sentences(error.problems):
-            form.add_error(None, problem)
+        form.add_error(None, sentences(error.problems))
         return _page(request, _shown(form, definition, report))
-    _tell(request, row, is_new=is_new)
-    return redirect("admin:surveys_questionnaire_change", row.pk)
-
-
-def _tell(request: HttpRequest, row: Questionnaire, *, is_new: bool) -> None:
     words = {"version": row.version, "name": row.slug}
     if is_new:
         audit.note("questionnaire_imported", actor=request.user, thing=row, detail=row.slug)
         text = _("Imported as version %(version)d of “%(name)s”. Preview it before you use it.")
         messages.success(request, text % words)
-        return
-    text = _("No copy was stored: version %(version)d of “%(name)s” is identical.")
-    messages.info(request, text % words)
+    else:
+        text = _("No copy was stored: version %(version)d of “%(name)s” is identical.")
+        messages.info(request, text % words)
+    return redirect("admin:surveys_questionnaire_change", row.pk)
 
 
 def _shown(form: SaveForm, definition: Definition, report: ImportReport) -> dict[str, Any]:
@@ -147,12 +136,6 @@ def _shown(form: SaveForm, definition: Definition, report: ImportReport) -> dict
         "questions": len(definition.questions()),
         "languages": ", ".join(map(language_name, definition.languages)),
     }
-
-
-def _check(request: HttpRequest) -> None:
-    user: Any = request.user
-    if not user.has_perm(ADD):
-        raise PermissionDenied
 
 
 def _page(request: HttpRequest, context: dict[str, Any]) -> HttpResponse:

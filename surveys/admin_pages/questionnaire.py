@@ -1,68 +1,50 @@
-"""The administration's own pages of a questionnaire: preview, export, new version, answers, and
-those that come with the site.
+"""Pages of the administration for a questionnaire: preview, export, answers, new version, and
+adding those that come with the site.
 """
 
-from dataclasses import dataclass
+from collections.abc import Callable
 from typing import Any
 from urllib.parse import urlencode
 from uuid import UUID
 
 from django.contrib import messages
-from django.core.exceptions import PermissionDenied
+from django.contrib.auth.decorators import permission_required
 from django.http import Http404, HttpRequest, HttpResponse, HttpResponseBase, HttpResponseRedirect
 from django.shortcuts import get_object_or_404, redirect, render
-from django.urls import reverse
+from django.urls import URLPattern, path, reverse
 from django.utils import timezone, translation
 from django.utils.translation import gettext as _
 from django.utils.translation import ngettext
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_POST, require_safe
 
 from accounts import audit
-from surveys.conditions import Circumstances
 from surveys.definition import Definition, language_for, to_json
 from surveys.document_forms.fields import language_name
 from surveys.documents import spoken
 from surveys.downloads import as_long_csv, as_wide_csv
 from surveys.models import Questionnaire, Response
 from surveys.page_form import Reader, page_form_of
-from surveys.questionnaires import next_version, shipped, store
+from surveys.questionnaires import next_version, shipped_and_not_stored, store
 
 VIEW, ADD, READ = "surveys.view_questionnaire", "surveys.add_questionnaire", "surveys.view_response"
+Guard = Callable[..., Any]
 
 
-@dataclass(frozen=True)
-class AdminLink:
-    """A way to another page of the preview."""
-
-    label: str
-    url: str
-    is_here: bool
-
-
-@dataclass(frozen=True)
-class Preview:
-    """What stands around a previewed page."""
-
-    name: str
-    admin: str
-    pages: list[AdminLink]
-    languages: list[AdminLink]
+def urls(guard: Guard) -> list[URLPattern]:
+    name = "surveys_questionnaire"
+    return [
+        path("shipped/", guard(take_shipped), name=f"{name}_shipped"),
+        path("<uuid:pk>/preview/", guard(preview), name=f"{name}_preview"),
+        path("<uuid:pk>/export.json", guard(export), name=f"{name}_export"),
+        path("<uuid:pk>/answers-<str:shape>.csv", guard(answers), name=f"{name}_answers"),
+        path("<uuid:pk>/new-version/", guard(new_version), name=f"{name}_new_version"),
+    ]
 
 
-def _may(request: HttpRequest, permission: str) -> None:
-    user: Any = request.user
-    if not user.has_perm(permission):
-        raise PermissionDenied
-
-
-@never_cache
 @require_safe
+@permission_required(VIEW, raise_exception=True)
 def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
-    """Show a page as its respondents see it, with every question on it;
-    `?page=2&language=es&seed=7`. Nothing is saved.
-    """
-    _may(request, VIEW)
+    """Show a page with all of its questions as respondents see it: `?page=2&language=es&seed=7`."""
     row = get_object_or_404(Questionnaire, pk=pk)
     definition = row.as_definition()
     language = language_for(definition, request.GET.get("language", ""))
@@ -71,17 +53,10 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
     )
     if not 1 <= number <= len(definition.pages):
         raise Http404
-    everybody = Reader(
-        language=language,
-        seed=seed,
-        stored={},
-        circumstances=Circumstances(),
-        now=timezone.now(),
-        sees_all=True,
-    )
+    reader = Reader(language, seed, timezone.now(), sees_all=True)
     with translation.override(language):
         context: dict[str, Any] = {
-            "form": page_form_of(definition, number - 1, everybody, range(len(definition.pages))),
+            "form": page_form_of(definition, number - 1, reader, range(len(definition.pages))),
             "title": spoken(definition.title, language),
             "intro": spoken(definition.intro, language) if number == 1 else "",
             "language": language,
@@ -90,38 +65,32 @@ def preview(request: HttpRequest, pk: UUID) -> HttpResponse:
         return render(request, "surveys/page.html", context)
 
 
-def _around(row: Questionnaire, definition: Definition, number: int, language: str) -> Preview:
+def _around(
+    row: Questionnaire, definition: Definition, number: int, language: str
+) -> dict[str, Any]:
     address = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
 
-    def to(page: int, other: str) -> str:
-        return f"{address}?{urlencode({'page': page, 'language': other})}"
+    def link(label: str, page: int, other: str) -> dict[str, Any]:
+        url = f"{address}?{urlencode({'page': page, 'language': other})}"
+        return {"label": label, "url": url, "is_here": (page, other) == (number, language)}
 
-    return Preview(
-        name=str(row),
-        admin=reverse("admin:surveys_questionnaire_change", args=[row.pk]),
-        pages=[
-            AdminLink(_("Page %(n)d") % {"n": n}, to(n, language), n == number)
-            for n in range(1, len(definition.pages) + 1)
-        ],
-        languages=[
-            AdminLink(language_name(name), to(number, name), name == language)
-            for name in definition.languages
-        ],
-    )
+    pages = range(1, len(definition.pages) + 1)
+    return {
+        "name": str(row),
+        "admin": reverse("admin:surveys_questionnaire_change", args=[row.pk]),
+        "pages": [link(_("Page %(n)d") % {"n": n}, n, language) for n in pages],
+        "languages": [link(language_name(one), number, one) for one in definition.languages],
+    }
 
 
 def _whole(text: str, default: int) -> int:
-    return (
-        int(text)
-        if text.isascii() and text.isdigit() and len(text) <= len("2147483648")
-        else default
-    )
+    is_number = text.isascii() and text.isdigit() and len(text) <= len("2147483648")
+    return int(text) if is_number else default
 
 
 @require_safe
-def export(request: HttpRequest, pk: UUID) -> HttpResponse:
-    """Return the definition as a file that import takes."""
-    _may(request, VIEW)
+@permission_required(VIEW, raise_exception=True)
+def export(_request: HttpRequest, pk: UUID) -> HttpResponse:
     row = get_object_or_404(Questionnaire, pk=pk)
     headers = {"Content-Disposition": f'attachment; filename="{row.slug}-{row.version}.json"'}
     return HttpResponse(
@@ -130,22 +99,18 @@ def export(request: HttpRequest, pk: UUID) -> HttpResponse:
 
 
 @require_safe
+@permission_required(READ, raise_exception=True)
 def answers(request: HttpRequest, pk: UUID, shape: str) -> HttpResponseBase:
-    """Return the answers to all versions of a questionnaire, `long` or `wide`."""
-    _may(request, READ)
     row = get_object_or_404(Questionnaire, pk=pk)
     audit.note("answers_exported", actor=request.user, thing=row, detail=row.slug)
-    return (
-        as_wide_csv(row.slug)
-        if shape == "wide"
-        else as_long_csv(Response.objects.filter(questionnaire__slug=row.slug), f"{row.slug}-long")
-    )
+    if shape == "wide":
+        return as_wide_csv(row.slug)
+    return as_long_csv(Response.objects.filter(questionnaire__slug=row.slug), f"{row.slug}-long")
 
 
 @require_POST
+@permission_required(ADD, raise_exception=True)
 def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
-    """Make a copy that can be changed, and go to it."""
-    _may(request, ADD)
     copy = next_version(get_object_or_404(Questionnaire, pk=pk), timezone.now())
     messages.success(
         request, _("You can edit version %(n)d until somebody answers it.") % {"n": copy.version}
@@ -154,17 +119,10 @@ def new_version(request: HttpRequest, pk: UUID) -> HttpResponseRedirect:
 
 
 @require_POST
+@permission_required(ADD, raise_exception=True)
 def take_shipped(request: HttpRequest) -> HttpResponseRedirect:
-    """Put the questionnaires that come with the site into the database, where they are not there
-    yet.
-    """
-    _may(request, ADD)
-    known = set(Questionnaire.objects.values_list("slug", "version"))
-    new = [
-        definition
-        for definition in shipped().values()
-        if (definition.slug, definition.version) not in known
-    ]
+    wanted = request.POST.get("questionnaire", "")
+    new = [one for one in shipped_and_not_stored() if wanted in {"", one.slug}]
     for definition in new:
         store(definition, timezone.now())
     text = ngettext("%(n)d questionnaire was added.", "%(n)d questionnaires were added.", len(new))

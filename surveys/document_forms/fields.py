@@ -1,6 +1,4 @@
-"""The fields of forms of documents, one a value: it is shown (`prepare_value`), read (`to_python`)
-and refused (`validate`) by its field; which field it gets is said once, in `field_of`.
-"""
+"""The form fields of values in documents; `field_of` chooses the field of a value."""
 
 import math
 import re
@@ -16,17 +14,12 @@ from django.utils.text import capfirst
 from django.utils.translation import get_language_info, gettext, gettext_lazy
 from msgspec import inspect
 
-from surveys.document_forms.parts import (
-    AskedField,
-    choices_of,
-    literals,
-    read_number,
-    read_points,
-)
+from surveys.document_forms.guide import is_among
+from surveys.document_forms.parts import AskedField, choices_of, literals, read_number, read_points
 
 NOT_POINTS = "Write one point per line: x and y in metres."
-NONE = gettext_lazy("none")
-# What msgspec says of a number beyond its limits, and what is said instead.
+NONE = gettext_lazy("not chosen")
+# msgspec's message for a number beyond its limits, and ours.
 BEYOND = re.compile(r"Expected `\w+(?: \| null)?` ([<>]=?) (-?[\d.]+)\.$")
 LIMITS = {
     ">=": gettext_lazy("Write a number of at least %(n)s."),
@@ -34,13 +27,32 @@ LIMITS = {
     "<=": gettext_lazy("Write a number of at most %(n)s."),
     "<": gettext_lazy("Write a number below %(n)s."),
 }
-# What may be chosen, by field: values, or values with what they are called.
-Offered = Mapping[str, Sequence[str] | Mapping[str, str]]
+# Choices by field: values, values with labels, or groups of values with labels.
+Offered = Mapping[str, Sequence[str] | Mapping[str, Any]]
 NOTHING: Offered = MappingProxyType({})
 
 
+class GroupedText(str):
+    """The label of a choice, with the name of the `group` that lists it."""
+
+    __slots__ = ("group",)
+    group: str
+
+
+def _labels(offers: Sequence[str] | Mapping[str, Any]) -> dict[str, Any]:
+    """Return the labels of choices by value; nothing for choices without labels."""
+    found: dict[str, Any] = {}
+    for key, one in offers.items() if isinstance(offers, Mapping) else ():
+        if isinstance(one, Mapping):
+            found |= {value: GroupedText(label) for value, label in one.items()}
+            for value in one:
+                found[value].group = key
+        else:
+            found[key] = one
+    return found
+
+
 def language_name(code: str) -> str:
-    """Return the name of a language; one without a name here is called by its code."""
     try:
         return str(capfirst(get_language_info(code)["name_translated"]))
     except KeyError:
@@ -48,8 +60,8 @@ def language_name(code: str) -> str:
 
 
 class ValueField(forms.Field):
-    """A value that is text, and what all values share. `style` names its class in CSS; in an
-    optional part that `is_off` nothing is refused, nor is what is `allowed`.
+    """A text, and the base of other values. `style` names its class in CSS. It refuses no value
+    that is `allowed`, and none in an optional part that `is_off`.
     """
 
     is_off = False
@@ -65,7 +77,7 @@ class ValueField(forms.Field):
     ) -> None:
         self.member, self.style, self.language, self.allowed = member, style, language, allowed
         self.language_name = language_name(language) if language else ""
-        self.is_detail = member.guide.is_detail(member.called)
+        self.is_detail = is_among(member.guide.details, member.called)
         widget.attrs |= {"lang": language} if language else {}
         super().__init__(
             required=False,
@@ -75,33 +87,35 @@ class ValueField(forms.Field):
         )
 
     def prepare_value(self, value: Any) -> Any:
-        """Return what is shown for a value of the document."""
         return "" if value is None else value
 
     def to_python(self, value: Any) -> Any:
-        """Return the value of the document for what was sent; UNSET is what the class says."""
+        """Return the value in the document for what was sent; UNSET is the default."""
         text = text_of(value)
         if not text and (self.member.has_none or self.member.default is not None):
             return None if self.member.has_none else msgspec.UNSET
         return self.parse(text)
 
     def parse(self, text: str) -> Any:
-        """Return the value that a text stands for, or the text itself when it is none."""
+        """Return the value of a text, or the text itself when it has none."""
         return text
 
     def as_sent(self, value: Any) -> list[Any]:
-        """Return what a browser sends for a value that nobody touched."""
+        """Return what a browser sends for a value that was not edited."""
         shown = self.prepare_value(value)
         return list(shown) if self.style == "choices" else [shown]
 
     def validate(self, value: Any) -> None:
-        """Refuse what the class refuses."""
-        is_said = value is msgspec.UNSET or self.member.says(value) or value in self.allowed
-        if not (self.is_off or self.language or is_said) and (told := self.refusal(value)):
-            raise forms.ValidationError(told)
+        is_default = value is msgspec.UNSET or (
+            not self.member.is_required and value == self.member.default
+        )
+        if self.is_off or self.language or is_default or value in self.allowed:
+            return
+        if refusal := self.refusal(value):
+            raise forms.ValidationError(refusal)
 
     def refusal(self, value: Any) -> str:
-        """Return why a value cannot be kept; empty when it can."""
+        """Return why the class refuses a value; empty when it does not."""
         try:
             msgspec.convert(value, self.member.annotation)
         except msgspec.ValidationError as error:
@@ -110,12 +124,11 @@ class ValueField(forms.Field):
 
 
 def decimal_mark() -> str:
-    """Return what the language of the page writes before the decimals."""
     return str(get_format("DECIMAL_SEPARATOR"))
 
 
 def number_text(value: float) -> str:
-    """Return a number without needless decimals, that is read as the very same number."""
+    """Return the shortest text that is read as exactly the same number."""
     text = f"{value:.10g}"
     return text if float(text) == value else repr(value)
 
@@ -124,50 +137,44 @@ class NumberField(ValueField):
     """A number, with a point or the language's own decimal mark."""
 
     def prepare_value(self, value: Any) -> Any:
-        """Return a number without needless decimals."""
         return number_text(value) if isinstance(value, float) else str(super().prepare_value(value))
 
     def parse(self, text: str) -> Any:
-        """Return the number, or one of the words that may stand for it."""
         is_word = text in literals(self.member.annotation)
         whole = isinstance(self.member.shape, inspect.IntType)
         return text if is_word else read_number(text, whole=whole, mark=decimal_mark())
 
     def refusal(self, value: Any) -> str:
-        """Return what is said of text, or what the class says."""
         if isinstance(value, str) and value not in literals(self.member.annotation):
             if isinstance(read_number(value, whole=False, mark=decimal_mark()), float):
                 return gettext("Write a whole number.")
             if "," in value:
                 return gettext("Use a decimal point and no comma: 0.6, or 1000.")
             return gettext("This is not a number.") if value else gettext("Write a number.")
-        told = super().refusal(value)
-        beyond = BEYOND.search(told)
-        return LIMITS[beyond[1]] % {"n": self.limit(float(beyond[2]))} if beyond else told
+        refusal = super().refusal(value)
+        beyond = BEYOND.search(refusal)
+        return LIMITS[beyond[1]] % {"n": self.limit(float(beyond[2]))} if beyond else refusal
 
     def limit(self, value: float) -> str:
-        """Return how a limit of the class is written."""
         return f"{value:g}"
 
 
 class DegreesInput(forms.TextInput):
-    """A number in degrees, and hidden before it the `exact` one in radians that it stands for."""
+    """A number in degrees, preceded by a hidden input with the `exact` number in radians."""
 
     exact = ""
 
     def value_from_datadict(self, data: Any, _files: Any, name: str) -> Any:
-        """Return both, as they were sent."""
         return data.getlist(name)
 
     def render(self, name: str, value: Any, attrs: Any = None, renderer: Any = None) -> Any:
-        """Return both inputs."""
         shown = super().render(name, value, attrs, renderer)
         return forms.HiddenInput().render(name, self.exact) + shown
 
 
 class DegreesField(NumberField):
-    """An angle, or a speed of turning, that is in radians in the document and in degrees on the
-    page. What nobody touches stays the very same number, although its degrees are rounded.
+    """An angle or angular velocity, in radians in the document and in rounded degrees on the page.
+    A number that is not edited stays exactly the same.
     """
 
     def __init__(self, member: AskedField, value: Any) -> None:
@@ -176,18 +183,16 @@ class DegreesField(NumberField):
         super().__init__(member, "number", widget)
 
     def prepare_value(self, value: Any) -> Any:
-        """Return the degrees of a number; what was typed stays as it is."""
         if isinstance(value, int | float):
             return f"{round(math.degrees(value), 2):.10g}"
         return text_of(value)
 
     def as_sent(self, value: Any) -> list[Any]:
-        """Return both inputs."""
         is_number = isinstance(value, int | float)
         return [repr(value) if is_number else "", self.prepare_value(value)]
 
     def to_python(self, value: Any) -> Any:
-        """Return the exact number while what is shown of it was not changed."""
+        """Return the exact number unless its degrees were edited."""
         exact, *shown = value if isinstance(value, list) and value else [""]
         known = read_number(exact, whole=False)
         if isinstance(known, float) and shown and text_of(shown) == self.prepare_value(known):
@@ -195,73 +200,63 @@ class DegreesField(NumberField):
         return super().to_python(value)
 
     def parse(self, text: str) -> Any:
-        """Return the radians of a number."""
         number = super().parse(text)
         return math.radians(number) if isinstance(number, int | float) else number
 
     def limit(self, value: float) -> str:
-        """Return a limit in degrees."""
         return f"{math.degrees(value):.4g}"
 
 
 class CheckField(ValueField):
-    """Yes or no."""
-
     def to_python(self, value: Any) -> bool:
-        """Return whether it was ticked: else nothing of it was sent."""
         return bool(value)
 
 
 class NamesField(ValueField):
-    """Several names: on one line with commas between them, or as boxes to tick."""
+    """Several names or numbers on one line with commas, or names as boxes to tick."""
 
     def prepare_value(self, value: Any) -> Any:
-        """Return the names on one line, or for the boxes one by one."""
-        names = value if isinstance(value, str) else [str(one) for one in value or ()]
-        is_line = self.style == "names" and not isinstance(value, str)
-        return ", ".join(names) if is_line else names
+        if isinstance(value, str):
+            return value
+        names = [number_text(one) if isinstance(one, float) else str(one) for one in value or ()]
+        return ", ".join(names) if self.style == "names" else names
 
     def refusal(self, value: Any) -> str:
-        """Refuse to take the last language away: all texts would go with it."""
+        """Also refuse to remove the last language, and with it all texts."""
         if self.member.key == "languages" and not value:
             return gettext("Choose at least one language.")
         return super().refusal(value)
 
-    def to_python(self, value: Any) -> list[str]:
-        """Return the names."""
-        values = [value] if isinstance(value, str) else value or ()
-        if self.member.key in self.member.guide.spaced:
-            return [name.strip() for one in values for name in one.split(",") if name.strip()]
-        return [name for one in values for name in one.replace(",", " ").split()]
+    def to_python(self, value: Any) -> list[Any]:
+        text = ",".join([value] if isinstance(value, str) else value or ())
+        is_spaced = self.member.key in self.member.guide.spaced
+        names = text.split(",") if is_spaced else text.replace(",", " ").split()
+        words = [name.strip() for name in names if name.strip()]
+        if not isinstance(self.member.shape.item_type, inspect.FloatType):  # type: ignore[attr-defined]
+            return words
+        return [read_number(word, whole=False, mark=decimal_mark()) for word in words]
 
 
 class PointsField(ValueField):
-    """Points, one a line."""
-
     def prepare_value(self, value: Any) -> str:
-        """Return a line a point."""
-        return (
-            value
-            if isinstance(value, str)
-            else "\n".join(" ".join(map(number_text, point)) for point in value or ())
-        )
+        if isinstance(value, str):
+            return value
+        return "\n".join(" ".join(map(number_text, point)) for point in value or ())
 
     def to_python(self, value: Any) -> Any:
-        """Return the points."""
         return read_points(text_of(value), decimal_mark())
 
     def refusal(self, value: Any) -> str:
-        """Return what is said of text, or what the class says."""
         return NOT_POINTS if isinstance(value, str) else super().refusal(value)
 
 
 def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) -> ValueField:
-    """Return the field of a value that is no part, no list of parts and no text in languages.
-    `offered` is what may be chosen, by key; `value` stays among it.
+    """Return the field of a value that is no part, no list of parts and no text in languages. The
+    choices are those `offered`, and `value`.
     """
     offers = offered.get(member.called, offered.get(member.key, ()))
-    shape, choices = member.shape, choices_of(member) or tuple(offers)
-    names = offers if isinstance(offers, Mapping) else {}
+    names = _labels(offers)
+    shape, choices = member.shape, tuple(names or offers) or choices_of(member)
     if isinstance(shape, inspect.VarTupleType):
         if isinstance(shape.item_type, inspect.TupleType):
             return PointsField(member, "points", _box(5))
@@ -272,21 +267,21 @@ def field_of(member: AskedField, value: Any = None, offered: Offered = NOTHING) 
         return NamesField(member, "choices", forms.CheckboxSelectMultiple(choices=listed))
     if isinstance(shape, inspect.BoolType):
         return CheckField(member, "check", forms.CheckboxInput())
-    if member.guide.is_angle(member.called):
+    if is_among(member.guide.angles, member.called):
         return DegreesField(member, value)
     if isinstance(shape, inspect.IntType | inspect.FloatType):
         return NumberField(member, "number", _line(inputmode="decimal"))
     if choices:
         empty = ("",) if member.has_none or member.default == "" else ()
         missing = () if value in {*choices, None, ""} else (str(value),)
-        listed = _named(member, (*empty, *choices, *missing), names)
+        listed = _in_groups(_named(member, (*empty, *choices, *missing), names))
         return ValueField(member, "choice", forms.Select(choices=listed), allowed=names)
     return text_field(member)
 
 
 def text_field(member: AskedField, language: str = "") -> ValueField:
-    """Return the field of a text, on a line or several."""
-    style, widget = ("text", _box(4)) if member.guide.is_long(member.called) else ("line", _line())
+    is_long = is_among(member.guide.long, member.called)
+    style, widget = ("text", _box(8)) if is_long else ("line", _line())
     return ValueField(member, style, widget, language=language)
 
 
@@ -298,6 +293,13 @@ def _box(lines: int) -> forms.Textarea:
     return forms.Textarea({"rows": lines, "cols": None})
 
 
+def _in_groups(listed: Iterable[tuple[str, Any]]) -> list[tuple[str, Any]]:
+    groups: dict[str, list[tuple[str, Any]]] = {"": []}
+    for value, words in listed:
+        groups.setdefault(getattr(words, "group", ""), []).append((value, words))
+    return [*groups.pop(""), *groups.items()]
+
+
 def _named(
     member: AskedField, choices: Iterable[str], names: Mapping[str, str]
 ) -> list[tuple[str, Any]]:
@@ -306,7 +308,7 @@ def _named(
 
 
 def text_of(value: Any) -> str:
-    """Return what was sent for a field as text; of several values the last one counts."""
+    """Return the last of the values sent for a field, as text."""
     if isinstance(value, list):
         value = value[-1] if value else ""
     return str(value or "").replace("\r\n", "\n").strip()

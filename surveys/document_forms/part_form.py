@@ -1,25 +1,25 @@
-"""A part of a document as a Django form: what a page of a builder asks follows from the classes of
-the definition, and from the guide of its words (surveys/document_forms/guide.py).
+"""A part of a document as a Django form, made from the classes of the definition and a guide.
 
 A part is a plain document (dicts and lists, as in JSON); the names of fields are paths in it:
-`leaves.0.text.en`. Three steps are all that there is, on a subclass that has the guide:
+`leaves.0.text.en`.
 
-- `PartForm(cls, document)` makes a Django field for each value of the document
-  (surveys/document_forms/fields.py), and lays them out in groups as the class has them;
-- `PartForm.read(cls, sent)` makes the document of what a browser sent;
-- the form of that document, with `is_sent`, has in `errors` what cannot be kept.
+- `PartForm(cls, document)` has a Django field for each value, in groups as in the classes;
+- `PartForm.read(cls, sent)` returns the document of what a browser sent;
+- the form of that document, with `is_sent`, has the `errors` of its values.
 
-What was typed is never lost: a number that is none stays in the document as the text that it was. A
-field that is empty has the value that the class says, where it says one.
+A number that cannot be read stays in the document as it was typed. An empty field has the default
+of the class, if there is one.
 """
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from typing import Any, ClassVar
 
 import msgspec
 from django import forms
 from django.utils.datastructures import MultiValueDict
+from django.utils.translation import gettext_lazy
 from msgspec import inspect
 
 from surveys.document_forms.fields import (
@@ -38,27 +38,23 @@ MOST_LISTED = 500  # of anything that is sent; the classes have their own, small
 
 
 class FormLayout:
-    """What has fields and groups: a form, or a group."""
+    """A form or a group, which have fields and groups."""
 
     parts: "list[forms.BoundField | Group]"
 
     @property
     def details(self) -> list[forms.BoundField]:
-        """The fields that are folded away."""
         fields = (one for one in self.parts if isinstance(one, forms.BoundField))
         return [one for one in fields if one.field.is_detail]
 
     @property
     def has_wrong_details(self) -> bool:
-        """Whether one of these has an error."""
         return any(one.errors for one in self.details)
 
 
 @dataclass(frozen=True)
 class Group(FormLayout):
-    """Fields that belong together: a part, an optional part (`switch` is the name of its box to
-    tick), a part of one `kind` among several, or a list of parts.
-    """
+    """A part, optional part (`switch` names its checkbox), one `kind` of several, or a list."""
 
     name: str
     member: AskedField
@@ -68,24 +64,25 @@ class Group(FormLayout):
     is_list: bool = False
     kind: str = ""
     number: int | None = None  # of a part in a list, from 1
+    was: str = ""  # its short name when the page was first shown
     is_last: bool = False
-    is_group: bool = True  # a field has no such thing
+    is_group: bool = True  # tells it from a field in templates
 
     @property
     def key(self) -> str:
-        """The name of the field that holds it."""
         return self.member.key
 
     @property
+    def list_name(self) -> str:
+        return self.name if self.number is None else self.name.rpartition(".")[0]
+
+    @property
     def called(self) -> int:
-        """Return the number by which people know a part of a list: what has a number of its own is
-        counted from 0.
-        """
+        """The number of a part of a list for people, from 0 where parts are numbered."""
         return (self.number or 0) - is_numbered(self.member)
 
     @property
     def label(self) -> Any:
-        """What it is called; a part of a list by what one of them is called."""
         guide, words = self.member.guide, self.member.called
         if self.kind:
             return guide.word(words, self.kind)
@@ -93,25 +90,23 @@ class Group(FormLayout):
 
     @property
     def item(self) -> Any:
-        """What one part of the list is called."""
         return self.member.guide.item(self.member.called)
 
     @property
     def added(self) -> list[tuple[str, Any]]:
-        """What can be added to the list: what its button sends, and what that is called."""
+        """The buttons that add to the list: what each sends, and its label."""
         kinds = self.member.guide.added(self.member.called)
-        return [(f"{self.key}:{kind}", word) for kind, word in kinds] or [(self.key, self.item)]
+        listed = [(f"{self.list_name}:{kind}", word) for kind, word in kinds]
+        return listed or [(self.list_name, self.item)]
 
     @property
     def hint(self) -> Any:
-        """What is said below it."""
         return "" if self.number is not None else self.member.guide.hint(self.member.called)
 
 
 class PartForm(FormLayout, forms.Form):
-    """The form of a part, or of some of its fields (`only`), without those that something else has
-    `decided` (`Class.key`). `parts` are its fields and groups as they are laid out. A subclass has
-    the guide.
+    """The form of a part, or of some of its fields (`only`), without those `decided` elsewhere
+    (`Class.key`). `parts` are its fields and groups in order. Subclasses have the guide.
     """
 
     guide: ClassVar[FormGuide]
@@ -136,8 +131,7 @@ class PartForm(FormLayout, forms.Form):
                 self.data.setlist(name, one.as_sent(self.initial[name]))
 
     @property
-    def told(self) -> dict[str, str]:
-        """The first error of each field, by its name."""
+    def refusals(self) -> dict[str, str]:
         return {name: str(found[0]) for name, found in self.errors.items()}
 
     def _parts(
@@ -149,13 +143,16 @@ class PartForm(FormLayout, forms.Form):
             if member.key in absent or member.called in self._decided:
                 continue
             if member.kinds:
-                yield from self._of_a_kind(member, value, name)
+                if value is not None:
+                    kind = value["kind"]
+                    inner = list(self._parts(member.kinds[kind], value, f"{name}."))
+                    yield Group(name, member, inner, kind=kind)
             elif member.part is not None:
                 switch = f"{name}.on" if member.has_none else ""
                 inner = list(self._parts(member.part, value or {}, f"{name}."))
                 is_on = not switch or value is not None
-                if not is_on:
-                    self._leave_out(f"{name}.")
+                for field_name, one in self.fields.items():
+                    one.is_off |= not is_on and field_name.startswith(f"{name}.")
                 yield Group(name, member, inner, switch=switch, is_on=is_on)
             elif member.listed is not None:
                 inner = list(self._items(member, value or [], name))
@@ -164,7 +161,7 @@ class PartForm(FormLayout, forms.Form):
                 yield from self.fields_of(member, value, name)
 
     def fields_of(self, member: AskedField, value: Any, name: str) -> Iterator[forms.BoundField]:
-        """Add the field of a value, or those of a text, one a language."""
+        """Add the field of a value, or the fields of a text in each language."""
         if member.annotation != Text:
             yield self.add(name, field_of(member, value, self.offered), value)
             return
@@ -173,35 +170,21 @@ class PartForm(FormLayout, forms.Form):
             one = text_field(member, language)
             yield self.add(f"{name}.{language}", one, written.get(language, ""))
 
-    def _of_a_kind(self, member: AskedField, value: Any, name: str) -> Iterator[Group]:
-        if value is not None:
-            kind = value["kind"]
-            inner = list(self._parts(member.kinds[kind], value, f"{name}."))
-            yield Group(name, member, inner, kind=kind)
-
     def _items(self, member: AskedField, values: list[Document], name: str) -> Iterator[Group]:
-        for n, value in enumerate(values):
-            inner = list(self._parts(member.listed, value, f"{name}.{n}."))
-            last = n == len(values) - 1
-            one = f"{name}.{n}"
-            yield Group(one, member, inner, number=n + 1, is_last=last)
+        for n, value in enumerate(values, start=1):
+            one, was = f"{name}.{n - 1}", value.get("was", value.get("key", ""))
+            inner = list(self._parts(member.listed, value, f"{one}."))
+            yield Group(one, member, inner, number=n, was=was, is_last=n == len(values))
 
     def add(self, name: str, one: ValueField, value: Any) -> forms.BoundField:
-        """Add a field with the value that it shows."""
         self.fields[name], self.initial[name] = one, value
         return self[name]
-
-    def _leave_out(self, prefix: str) -> None:
-        for name, one in self.fields.items():
-            one.is_off = one.is_off or name.startswith(prefix)
 
     @classmethod
     def read(
         cls, part: type[Any], sent: Any, *, only: Collection[str] = (), prefix: str = ""
     ) -> Document:
-        """Return the document that a form of a class makes (`sent` is a QueryDict); what cannot be
-        read is in it as it was typed.
-        """
+        """Return the document of a class that a browser sent (a QueryDict)."""
         document: Document = {}
         absent = cls.guide.left_out(part, lambda key: f"{prefix}{key}.kind" in sent)
         for member in members(cls.guide, part, only):
@@ -217,31 +200,71 @@ class PartForm(FormLayout, forms.Form):
         if member.kinds:
             kind = sent.get(f"{name}.kind")
             part = member.kinds.get(kind)
-            inner = {} if part is None else cls.read(part, sent, prefix=f"{name}.")
-            return None if part is None else {"kind": kind} | inner
+            return part and {"kind": kind} | cls.read(part, sent, prefix=f"{name}.")
         if member.part is not None:
             is_off = member.has_none and f"{name}.on" not in sent
             return None if is_off else cls.read(member.part, sent, prefix=f"{name}.")
         if member.listed is not None:
-            numbered = is_numbered(member)
-            return [
-                ({"number": n} if numbered else {})
-                | cls.read(member.listed, sent, prefix=f"{name}.{n}.")
-                for n in range(_count(sent, name))
-            ]
+            # Each part has a field of its name, even when it is empty.
+            places = takewhile(lambda n: f"{name}.{n}" in sent, range(MOST_LISTED))
+            parts = [cls.read(member.listed, sent, prefix=f"{name}.{n}.") for n in places]
+            if is_numbered(member):
+                return [{"number": n} | part for n, part in enumerate(parts)]
+            return parts
         if isinstance(member.shape, inspect.DictType):
-            start = f"{name}."
-            texts = {
-                key.removeprefix(start): text_of(sent.get(key))
-                for key in sent
-                if key.startswith(start)
-            }
+            keys = [key for key in sent if key.startswith(f"{name}.")]
+            texts = {key.removeprefix(f"{name}."): text_of(sent.get(key)) for key in keys}
             return {language: text for language, text in texts.items() if text}
         return field_of(member).to_python(sent.getlist(name))
 
+    @classmethod
+    def list_in(
+        cls, document: Document, name: str, part: type[Any], only: Collection[str] = ()
+    ) -> list[Document] | None:
+        """Return the list of parts at a path ("factors.0.levels") in the document of a class,
+        created if missing; None for paths that the form does not have.
+        """
+        key, _dot, rest = name.partition(".")
+        member = next((one for one in members(cls.guide, part, only) if one.key == key), None)
+        if member is None:
+            return None
+        inner, inner_class = document.get(key), member.part or member.listed
+        if member.listed is not None:
+            if not rest:
+                found: list[Document] = document.setdefault(key, [])
+                return found
+            n, _dot, rest = rest.partition(".")
+            inner = dict(enumerate(inner or ())).get(number(n))
+        elif member.part is not None and not member.has_none:
+            inner = document.setdefault(key, {})
+        if inner_class is None or not isinstance(inner, dict):
+            return None
+        return cls.list_in(inner, rest, inner_class)
 
-def _count(sent: Any, name: str) -> int:
-    """Return how many parts of a list were sent: each has a field `<name>.<n>`, so that an empty
-    one is there too.
+
+MEANWHILE = gettext_lazy(
+    "Not saved: someone else changed this draft. If your change still applies, submit it again."
+)
+
+
+@dataclass
+class SubmittedPart:
+    """A part as it was typed, with `errors` by field, sentences to show `above` the form, and the
+    `anchor` of the page to return to.
     """
-    return next((n for n in range(MOST_LISTED) if f"{name}.{n}" not in sent), MOST_LISTED)
+
+    part: Document
+    errors: dict[str, str] = field(default_factory=dict)
+    above: list[str] = field(default_factory=list)
+    anchor: str = ""
+
+
+def pressed(sent: Any, count: int = 3) -> list[str]:
+    """Return the `count` words in a button's value, mostly `verb:list:n`; missing ones are ""."""
+    words = sent.get("do", "").split(":")
+    return [*words, *[""] * count][:count]
+
+
+def number(text: str) -> int:
+    """Return the number of a part in a button's value; -1, which no part has, for other text."""
+    return int(text[:6]) if text.isascii() and text.isdigit() else -1

@@ -1,11 +1,11 @@
-"""The classes of a definition as forms see them, and what is done to documents of them: plain dicts
-and lists, as in JSON.
+"""The fields of definition classes for forms, and changes of documents of these classes: plain
+dicts and lists, as in JSON.
 """
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, get_args, get_origin
+from typing import Any, cast, get_args, get_origin
 
 import msgspec
 from msgspec import inspect
@@ -18,43 +18,33 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True)
 class AskedField:
-    """A field of a class: `shape` is what it holds, without None; `has_none` tells whether it may
-    hold nothing; `kinds` are the classes of a part that may be of several, by their tags; `called`
-    is by what its words are looked up in the `guide`.
-    """
-
     guide: FormGuide
     key: str
     annotation: Any
-    shape: inspect.Type
-    has_none: bool
+    shape: inspect.Type  # without None
+    has_none: bool  # whether it may be None
     default: Any
     is_required: bool
-    kinds: Mapping[str, type[Any]]
-    called: str
+    kinds: Mapping[str, type[Any]]  # classes of a part by tag, if there are several
+    called: str  # `Class.key`, its name in the guide
 
     @property
     def part(self) -> type[Any] | None:
-        """The class of the part that it holds; None for what is no part."""
         return self.shape.cls if isinstance(self.shape, inspect.StructType) else None
 
     @property
     def listed(self) -> type[Any] | None:
-        """The class of the parts that it holds a list of; None for other lists."""
         inner = self.shape.item_type if isinstance(self.shape, inspect.VarTupleType) else None
         return inner.cls if isinstance(inner, inspect.StructType) else None
 
-    def says(self, value: Any) -> bool:
-        """Tell whether the class says a value by itself."""
-        return not self.is_required and bool(value == self.default)
-
 
 def members(guide: FormGuide, cls: type[Any], only: Collection[str] = ()) -> list[AskedField]:
-    """Return what of a class is asked for, in order."""
-    fields = msgspec.structs.fields(cls)
-    found = [_member(guide, one, cls) for one in fields if not guide.is_hidden(cls, one.name)]
-    found.sort(key=lambda one: one.key in guide.last)
-    return [one for one in found if not only or one.key in only]
+    found = [
+        _member(guide, one, cls)
+        for one in msgspec.structs.fields(cls)
+        if not guide.is_hidden(cls, one.name) and (not only or one.encode_name in only)
+    ]
+    return sorted(found, key=lambda one: one.key in guide.last)
 
 
 def _member(guide: FormGuide, one: Any, cls: type[Any]) -> AskedField:
@@ -76,16 +66,13 @@ def _inner(shape: inspect.Type) -> list[inspect.Type]:
 
 
 def choices_of(member: AskedField) -> tuple[str, ...]:
-    """Return the values that the class itself allows, in written order; none for others."""
-    inner = member.shape.item_type if isinstance(member.shape, inspect.VarTupleType) else None
-    if isinstance(member.shape, inspect.LiteralType):
-        return tuple(literals(member.annotation))
-    is_listed = isinstance(inner, inspect.LiteralType)
-    return tuple(literals(get_args(member.annotation)[0])) if is_listed else ()
+    """Return the values of a Literal or of a list of them, in written order; else none."""
+    inner = getattr(member.shape, "item_type", member.shape)
+    return tuple(literals(member.annotation)) if isinstance(inner, inspect.LiteralType) else ()
 
 
 def literals(annotation: Any) -> Iterator[str]:
-    """Yield the texts of a Literal, or of those in a union; `msgspec.inspect` has sorted them."""
+    """Yield the texts of each Literal in an annotation; `msgspec.inspect` would sort them."""
     for one in get_args(annotation):
         if get_origin(one) is not None:
             yield from literals(one)
@@ -94,18 +81,12 @@ def literals(annotation: Any) -> Iterator[str]:
 
 
 def is_numbered(member: AskedField) -> bool:
-    """Tell whether the parts of a list have a number that their place says."""
     cls = member.listed
     return cls is not None and "number" in member.guide.hidden.get(cls, ())
 
 
-# --- what is typed --------------------------------------------------------------------------------
-
-
 def read_number(text: str, *, whole: bool, mark: str = ".") -> int | float | str:
-    """Return the number that a text stands for; the text itself when it is none. `mark` is the
-    language's decimal mark, beside the point.
-    """
+    """Return the finite number in a text, else the text; `mark` is a second decimal mark."""
     try:
         value = int(text) if whole else float(text.replace(mark, "."))
     except ValueError:
@@ -114,42 +95,29 @@ def read_number(text: str, *, whole: bool, mark: str = ".") -> int | float | str
 
 
 def read_points(text: str, mark: str = ".") -> list[list[float]] | str:
-    """Return the points of a text with one a line, "x y"; the text itself when a line is none."""
-    found = [_point(line, mark) for line in text.splitlines() if line.strip()]
-    points = [point for point in found if point is not None]
-    return points if len(points) == len(found) else text
-
-
-def _point(line: str, mark: str) -> list[float] | None:
-    words = line.replace(";", " ").split()
-    numbers = [read_number(word, whole=False, mark=mark) for word in words]
-    x_and_y = [number for number in numbers if isinstance(number, float)]
-    return x_and_y if len(x_and_y) == len(numbers) == 2 else None
-
-
-# --- lists ----------------------------------------------------------------------------------------
+    """Return the points of a text with one a line, "x y"; the text itself when it has others."""
+    lines = [line.replace(";", " ").split() for line in text.splitlines() if line.strip()]
+    points = [[read_number(word, whole=False, mark=mark) for word in line] for line in lines]
+    are_points = all(len(one) == 2 and all(isinstance(n, float) for n in one) for one in points)
+    return cast("list[list[float]]", points) if are_points else text
 
 
 def change(values: list[Any], verb: str, n: int) -> list[Any]:
-    """Return a list with its part number `n` (from 0) removed, copied, or moved up or down; the
-    list itself where that makes no sense.
-    """
-    if not 0 <= n < len(values):
-        return values
-    rest = [*values[:n], *values[n + 1 :]]
-    match verb:
+    """Return a copy of a list with part `n` (from 0) removed, copied or moved, where possible."""
+    changed = list(values)
+    match verb if 0 <= n < len(values) else "":
         case "remove":
-            return rest
+            del changed[n]
         case "copy":
-            return [*values[: n + 1], values[n], *values[n + 1 :]]
-        case "up" | "down":
-            place = n - 1 if verb == "up" else n + 1
-            return [*rest[: max(place, 0)], values[n], *rest[max(place, 0) :]]
-    return values
+            changed.insert(n + 1, values[n])
+        case "up":
+            changed.insert(max(n - 1, 0), changed.pop(n))
+        case "down":
+            changed.insert(n + 1, changed.pop(n))
+    return changed
 
 
 def in_languages(cls: type[Any], document: Document, languages: Collection[str]) -> Document:
-    """Return a document without the texts in other languages."""
     fields = {one.encode_name: one for one in msgspec.structs.fields(cls)}
     return {
         key: _in_languages(fields[key], value, languages) if key in fields else value
@@ -163,15 +131,9 @@ def _in_languages(one: Any, value: Any, languages: Collection[str]) -> Any:
     shape = _inner(inspect.type_info(one.type))[0]
     if isinstance(shape, inspect.StructType) and value is not None:
         return in_languages(shape.cls, value, languages)
-    inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None
-    kinds = inner.types if isinstance(inner, inspect.UnionType) else [inner]
-    classes = [kind for kind in kinds if isinstance(kind, inspect.StructType)]
-    return (
-        [in_languages(_class_of(classes, part), part, languages) for part in value]
-        if classes
-        else value
-    )
-
-
-def _class_of(classes: Sequence[inspect.StructType], part: Document) -> type[Any]:
-    return next((kind.cls for kind in classes if kind.tag == part.get("kind")), classes[0].cls)
+    kinds = _inner(shape.item_type) if isinstance(shape, inspect.VarTupleType) else []
+    classes = {kind.tag: kind.cls for kind in kinds if isinstance(kind, inspect.StructType)}
+    if not classes:
+        return value
+    usual = next(iter(classes.values()))
+    return [in_languages(classes.get(one.get("kind"), usual), one, languages) for one in value]

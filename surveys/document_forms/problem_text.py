@@ -1,5 +1,5 @@
-"""What is wrong with a document, as the pages say it on which it is corrected: a missing text is
-named as the forms name it, once for all languages in which it is missing.
+"""Problems of a document as sentences for people; those of missing texts name all languages at
+once.
 """
 
 from collections.abc import Callable, Iterable
@@ -15,30 +15,27 @@ ByPlace = dict[ProblemPlace, list[str]]
 
 
 def sentences(found: Iterable[Problem | str]) -> list[str]:
-    """Return a sentence for each problem in the language of the page."""
     return [one.sentence(_) if isinstance(one, Problem) else one for one in found]
 
 
 def by_place(
-    found: Iterable[Problem], say: Callable[[Problem], str], name_of: Callable[[Problem], str]
+    found: Iterable[Problem], sentence: Callable[[Problem], str], name_of: Callable[[Problem], str]
 ) -> ByPlace:
-    """Return what is said of problems by their places: by `say`, and of missing texts by what each
-    of them is called.
-    """
+    """Return the sentences of problems by place; `name_of` returns the name of a missing text."""
     places: dict[ProblemPlace, dict[str, list[str]]] = {}
     for one in found:
-        said = places.setdefault(one.place, {})
+        languages = places.setdefault(one.place, {})
         if one.language:
-            said.setdefault(name_of(one), []).append(language_name(one.language))
+            languages.setdefault(name_of(one), []).append(language_name(one.language))
         else:
-            said[say(one)] = []
+            languages[sentence(one)] = []
     missing = _("%(text)s (%(languages)s) is missing.")
     return {
         place: [
             missing % {"text": text, "languages": ", ".join(languages)} if languages else text
-            for text, languages in said.items()
+            for text, languages in texts.items()
         ]
-        for place, said in places.items()
+        for place, texts in places.items()
     }
 
 
@@ -48,9 +45,7 @@ def text_name(
     path: Iterable[str | int],
     title: Callable[[Document], str] = lambda _part: "",
 ) -> str:
-    """Return what a text in a part is called: the labels on its path, and of a part of a list its
-    title, if it has one, or its number.
-    """
+    """Return the labels on the path to a text; of a part of a list, its title or number."""
     names: list[str] = []
     here, called = part or {}, ""
     for step in path:

@@ -1,14 +1,11 @@
-"""A questionnaire while it is written: what a page of the editor edits, and what buttons do to it.
-Plain documents, as in JSON, that are changed in place.
-
-Keys are made here and stay: a question is found by its key, which answers are stored under.
+"""Changes that the editor makes in place to a questionnaire, which is a plain document, as in JSON.
+Keys are made here and stay, because answers are stored under them.
 """
 
 import copy
 import itertools
 import re
-import unicodedata
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,7 +15,7 @@ from msgspec import inspect
 from surveys.definition import Definition, Page
 from surveys.document_forms.fields import decimal_mark
 from surveys.document_forms.parts import Document, change, in_languages, read_number
-from surveys.documents import DocumentPart
+from surveys.documents import DocumentPart, ascii_name
 from surveys.item import Question, ScalePoint
 from surveys.questions import TYPES
 
@@ -28,106 +25,81 @@ _NUMBERED = re.compile(r"option_\d+")
 
 
 class EditedScale(DocumentPart, frozen=True, kw_only=True):
-    """A scale as a part with a form."""
-
     points: tuple[ScalePoint, ...]
 
 
 @dataclass(frozen=True)
 class EditorPlace:
-    """What a page edits: the questionnaire itself ("about"), or one of its "pages", "questions" or
-    "scales".
-    """
+    """What a form edits: "about" (the questionnaire), or one of "pages", "questions", "scales"."""
 
     section: str
     key: str = ""
 
     @property
     def only(self) -> Collection[str]:
-        """Which fields are asked for; none means all."""
         return ABOUT if self.section == "about" else ()
 
     def cls(self, part: Document) -> type[Any]:
-        """Return the class of what is edited."""
         if self.section == "questions":
             return TYPES[part["kind"]]
         return {"about": Definition, "pages": Page, "scales": EditedScale}[self.section]
 
     def part(self, whole: Document) -> Document | None:
-        """Return the document that is edited; None when it is not there."""
         if self.section == "about":
             return whole
         if self.section == "scales":
             points = whole["scales"].get(self.key)
             return None if points is None else {"points": points}
-        return next((parts[n] for parts, n in located(whole, self)), None)
+        return next((parts[n] for parts, n in self.located(whole)), None)
 
     def put(self, whole: Document, part: Document) -> Document:
-        """Return the questionnaire with this part of it replaced."""
         if self.section == "about":
+            languages = part["languages"]
             kept = {key: value for key, value in whole.items() if key not in ABOUT}
-            return _in_languages({**kept, **part}, part["languages"])
+            scales = {
+                name: [in_languages(ScalePoint, point, languages) for point in points]
+                for name, points in whole["scales"].items()
+            }
+            return in_languages(Definition, kept | part, languages) | {"scales": scales}
         if self.section == "scales":
             whole["scales"][self.key] = part["points"]
-        for parts, n in located(whole, self):
+        for parts, n in self.located(whole):
             kept = {key: parts[n][key] for key in ("kind", "items") if key in parts[n]}
-            parts[n] = {**kept, **part}
+            parts[n] = kept | part
         return whole
 
-
-def _in_languages(whole: Document, languages: Sequence[str]) -> Document:
-    scales = {
-        name: [in_languages(ScalePoint, point, languages) for point in points]
-        for name, points in whole["scales"].items()
-    }
-    return {**in_languages(Definition, whole, languages), "scales": scales}
-
-
-def located(whole: Document, place: EditorPlace) -> list[tuple[list[Document], int]]:
-    """Return the list that a page or question is in, and its number there; nothing for others."""
-    pages, key = whole["pages"], place.key
-    lists = {"pages": [pages], "questions": [page["items"] for page in pages]}
-    return [
-        (parts, n)
-        for parts in lists.get(place.section, ())
-        for n, part in enumerate(parts)
-        if part["key"] == key
-    ]
-
-
-# --- keys -----------------------------------------------------------------------------------------
+    def located(self, whole: Document) -> list[tuple[list[Document], int]]:
+        """Return the list of a page or question with its place in it; nothing for others."""
+        pages = whole["pages"]
+        lists = {"pages": [pages], "questions": [page["items"] for page in pages]}
+        return [
+            (parts, n)
+            for parts in lists.get(self.section, ())
+            for n, part in enumerate(parts)
+            if part["key"] == self.key
+        ]
 
 
 def keys_of(part: Document) -> list[str]:
-    """Return the keys of a page, or of a question and its rows."""
     return [part["key"], *(row["key"] for row in part.get("rows", ()))]
 
 
+def _parts(whole: Document) -> list[Document]:
+    return [*whole["pages"], *(item for page in whole["pages"] for item in page["items"])]
+
+
 def keys_in(whole: Document) -> set[str]:
-    """Return all that are taken."""
-    parts = itertools.chain(whole["pages"], *(page["items"] for page in whole["pages"]))
-    return {key for part in parts for key in keys_of(part)}
+    return {key for part in _parts(whole) for key in keys_of(part)}
 
 
 def numbered(stem: str, taken: Collection[str]) -> str:
-    """Return a key that is not taken: the stem, and a number."""
     keys = (f"{stem[:LONGEST_STEM]}{n}" for n in itertools.count(1))
     return next(key for key in keys if key not in taken)
 
 
-def follow(whole: Document, renamed: Mapping[str, str]) -> None:
-    """Let conditions and topics name questions as they are called now."""
-    parts = itertools.chain(whole["pages"], *(page["items"] for page in whole["pages"]))
-    for condition in filter(None, (part.get("show_if") for part in parts)):
-        if condition.get("item") in renamed:
-            condition["item"] = renamed[condition["item"]]
-    for topic in whole["topics"]:
-        topic["items"] = [renamed.get(key, key) for key in topic["items"]]
-
-
 def complete(part: Document, former: Document, whole: Document) -> Document:
-    """Return what a form said with the keys that it did not say, each once in the questionnaire;
-    the rest of the questionnaire follows keys that were changed.
+    """Return the part of a form with unique keys where it has none; conditions and topics of the
+    questionnaire are changed to its new keys.
     """
     if "key" not in former:
         return part
@@ -138,69 +110,66 @@ def complete(part: Document, former: Document, whole: Document) -> Document:
         if not key or key in taken:
             one["key"] = numbered(f"{key or part['key']}_", taken)
         taken.add(one["key"])
-    follow(whole, dict(zip(keys_of(former), keys_of(part), strict=False)))
-    said: set[str] = set()
+    renamed = dict(zip(keys_of(former), keys_of(part), strict=False))
+    for condition in filter(None, (one.get("show_if") for one in _parts(whole))):
+        if condition.get("item") in renamed:
+            condition["item"] = renamed[condition["item"]]
+    for topic in whole["topics"]:
+        topic["items"] = [renamed.get(key, key) for key in topic["items"]]
+    values: set[str] = set()
     for option in part.get("options", ()):
-        option["value"] = _option_value(option, said)
-        said.add(option["value"])
+        option["value"] = _option_value(option, values)
+        values.add(option["value"])
     return part
 
 
 def _option_value(option: Document, taken: Collection[str]) -> str:
-    """Return the name of an option in the data: of its first label, once it has one."""
+    """Return the value of an option, made from its first label once it has one."""
     value = option.get("value", "")
     if value and value not in taken and not _NUMBERED.fullmatch(value):
-        return value
-    label = next((text for text in option.get("label", {}).values() if text), "")
-    ascii_only = unicodedata.normalize("NFKD", label).encode("ascii", "ignore").decode().lower()
-    stem = re.sub(r"[^a-z0-9]+", "_", ascii_only).strip("_")[:LONGEST_STEM]
+        return str(value)
+    label = next(filter(None, option.get("label", {}).values()), "")
+    stem = ascii_name(label)[:LONGEST_STEM]
     wanted = stem or value
     return wanted if wanted and wanted not in taken else numbered(f"{stem or 'option'}_", taken)
 
 
-# --- what is new ----------------------------------------------------------------------------------
-
-
 def new_question(kind: str, scale: str, whole: Document) -> Document:
-    """Return a question without words; two of whatever is listed in it."""
+    """Return a question without texts, with two parts in each of its lists."""
     made: Document = {"kind": kind, "key": numbered("q", keys_in(whole))}
     for one in msgspec.structs.fields(TYPES[kind]):
         if one.required and one.name != "key":
             made[one.encode_name] = scale if one.name == "scale" else _blank(one)
     for name in [name for name, value in made.items() if value == []]:
         for _ in range(2):
-            made[name].extend(new_entry(TYPES[kind], name, made, whole))
+            made[name].append(new_entry(TYPES[kind], name, made, whole))
     return made
 
 
-def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> list[Document]:
-    """Return a new part for a list in a page, question or scale; none for another name."""
-    field = next((one for one in msgspec.structs.fields(cls) if one.name == name), None)
-    shape = inspect.type_info(field.type) if field is not None else None
-    inner = shape.item_type if isinstance(shape, inspect.VarTupleType) else None
-    if not isinstance(inner, inspect.StructType):
-        return []
-    others = part.get(name, [])
+def new_entry(cls: type[Any], name: str, part: Document, whole: Document) -> Document:
+    """Return a new part for a list in a page, question or scale."""
+    types: dict[str, Any] = {
+        one.name: inspect.type_info(one.type) for one in msgspec.structs.fields(cls)
+    }
+    inner = types[name].item_type
     stem = f"{part['key']}_" if name == "rows" else f"{name.removesuffix('s')}_"
     made: Document = {}
-    for one in msgspec.structs.fields(inner.cls):
-        said = [other.get(one.name) for other in others]
-        if isinstance(inspect.type_info(one.type), inspect.StrType) and one.required:
-            made[one.name] = numbered(stem, {*said, *keys_in(whole)})
-        elif isinstance(inspect.type_info(one.type), inspect.IntType) and one.required:
-            made[one.name] = max((n for n in said if isinstance(n, int)), default=0) + 1
-        elif one.required:
+    for one in (one for one in msgspec.structs.fields(inner.cls) if one.required):
+        others, shape = [other.get(one.name) for other in part.get(name, [])], one.type
+        if isinstance(inspect.type_info(shape), inspect.StrType):
+            made[one.name] = numbered(stem, {*others, *keys_in(whole)})
+        elif isinstance(inspect.type_info(shape), inspect.IntType):
+            made[one.name] = max((n for n in others if isinstance(n, int)), default=0) + 1
+        else:
             made[one.name] = _blank(one)
-    return [made]
+    return made
 
 
 def _blank(field: Any) -> Any:
-    """Return a text without words, or an empty list."""
     return {} if isinstance(inspect.type_info(field.type), inspect.DictType) else []
 
 
 def copied(original: Document, whole: Document) -> Document:
-    """Return a copy of a page or question, with keys of its own."""
     copy_of, taken = copy.deepcopy(original), keys_in(whole)
     parts = [copy_of, *copy_of.get("items", ())]
     for one in [*parts, *(row for part in parts for row in part.get("rows", ()))]:
@@ -209,19 +178,16 @@ def copied(original: Document, whole: Document) -> Document:
     return copy_of
 
 
-# --- buttons --------------------------------------------------------------------------------------
-
-
 def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
-    """Move a page or question up or down, copy or remove it. At the end of its page, a question
-    moves on to the next one; the last page stays.
+    """Move a page or question up or down, copy or remove it. From an end of its page, a question
+    moves to the next page. The only page cannot be removed.
     """
     pages = whole["pages"]
     if place.section == "scales" and verb == "remove":
         whole["scales"].pop(place.key, None)
     if place.section == "pages" and verb == "remove" and len(pages) == 1:
         return
-    for parts, n in located(whole, place):
+    for parts, n in place.located(whole):
         here = next((m for m, page in enumerate(pages) if page["items"] is parts), None)
         if here is not None and verb == "up" and n == 0 and here > 0:
             pages[here - 1]["items"].append(parts.pop(n))
@@ -233,12 +199,10 @@ def arrange(whole: Document, verb: str, place: EditorPlace) -> None:
                 parts[n + 1] = copied(parts[n], whole)
 
 
-def answers_typed(
+def type_answers(
     condition: Document, former: Document | None, questions: Sequence[Question]
 ) -> None:
-    """Let a condition name answers as they are stored, numbers as numbers; those of another
-    question than before are left out.
-    """
+    """Convert answers in a condition to stored values; drop them when the question has changed."""
     asked = next((one for one in questions if one.key == condition.get("item")), None)
     if former is not None and former.get("item") != condition.get("item"):
         condition.pop("is", None)
@@ -253,7 +217,7 @@ def answers_typed(
 
 
 def earlier(definition: Definition, place: EditorPlace) -> Iterator[Question]:
-    """Yield the questions that a condition of a page or question may ask."""
+    """Yield the questions that a condition of a page or question may refer to."""
     for question in definition.questions():
         page = definition.pages[question.page]
         if place.key == (page.key if place.section == "pages" else question.item.key):

@@ -1,4 +1,4 @@
-"""What the editor calls things, and the scales that it offers."""
+"""The labels of the editor's forms, and the scales that it offers."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -38,26 +38,12 @@ LABELS = {
     "outcome": _("After these outcomes"),
     "order": _("Order"),
     "scale": _("Scale"),
-    "rows": _("Statements"),
     "reverse": _("Score it from the other end of the scale"),
     "options": _("Options"),
     "label": _("Label"),
     "alone": _("Excludes all other options"),
     "points": _("Points"),
     "ScalePoint.value": _("Value in the data"),
-    "at_least": _("Choices at least"),
-    "at_most": _("Choices at most"),
-    "minimum": _("Minimum"),
-    "maximum": _("Maximum"),
-    "whole": _("Whole numbers only"),
-    "unit": _("Unit"),
-    "step": _("Step"),
-    "low": _("Left end"),
-    "high": _("Right end"),
-    "lines": _("Lines"),
-    "max_length": _("Maximum number of characters"),
-    "earliest": _("Earliest day"),
-    "latest": _("Latest day"),
     "key": _("Name in the data"),
     "value": _("Name in the data"),
 }
@@ -73,9 +59,6 @@ HINTS = {
     "show_if": _("If you set several of these, all must hold."),
     "ItemCondition.item": _("Choose one and save to see its answers here."),
     "robot": _("Names or series, separated by commas. Leave blank for all."),
-    "Number.maximum": _("Write this_year for the year of the answer."),
-    "earliest": _("As year-month-day, such as 2020-12-31, or today."),
-    "latest": _("As year-month-day, such as 2020-12-31, or today."),
     "key": _("Lower-case letters, digits and underscores. Used in the data."),
     "points": _("Only the first and the last point need a label."),
     "scale": _("You can add others on the page of the questionnaire."),
@@ -110,8 +93,9 @@ CHOICES = {
 
 LAST = ("required", "prefer_not", "not_applicable", "show_if")
 GUIDE = FormGuide(
-    LABELS,
-    HINTS,
+    {key: text for one in TYPES.values() for key, text in one.labels.items()} | LABELS,
+    HINTS
+    | {f"{one.__name__}.{key}": text for one in TYPES.values() for key, text in one.hints.items()},
     ITEMS,
     CHOICES,
     # Questions and scales have pages of their own.
@@ -124,17 +108,12 @@ GUIDE = FormGuide(
 
 
 class EditorForm(PartForm):
-    """The form of a part of a questionnaire."""
-
     guide = GUIDE
 
 
 def kind_name(kind: str) -> Any:
-    """Return what a type of question is called; one without a plain name by its own."""
     return TYPES[kind].plain_name or kind.replace("_", " ").capitalize()
 
-
-# --- scales ---------------------------------------------------------------------------------------
 
 _DISAGREE, _AGREE = _("Disagree"), _("Agree")
 _ENDS = (_("Strongly disagree"), _("Strongly agree"))
@@ -157,16 +136,13 @@ READY: Mapping[str, tuple[Any, Sequence[Any]]] = {
 def ready_points(
     name: str, languages: Sequence[str], former: Sequence[Document] = ()
 ) -> list[Document]:
-    """Return the points of a scale that the editor offers, in the languages that the site has. Of a
-    scale as it was so far, only languages without any label are filled in.
-    """
+    """Return the points of an offered scale; of a `former` one, label only unlabelled languages."""
     labels, known = READY[name][1], {code for code, _label in settings.LANGUAGES}
-    points = [{"label": {}} | one for one in former] or [
-        {"value": n, "label": {}} for n in range(1, len(labels) + 1)
-    ]
-    said = {language for point in points for language in point["label"]}
+    new = ({"value": n} for n in range(1, len(labels) + 1))
+    points = [{"label": {}} | one for one in former or new]
+    given = {language for point in points for language in point["label"]}
     for language in languages if len(points) == len(labels) else ():
-        if language.partition("-")[0] in known and language not in said:
+        if language.partition("-")[0] in known and language not in given:
             with override(language):
                 for point, label in zip(points, labels, strict=True):
                     point["label"] = {**point["label"], language: str(label)}
@@ -174,7 +150,6 @@ def ready_points(
 
 
 def scale_name(points: Sequence[Document], text_of: Any) -> str:
-    """Return what a scale is called: its ends, and how many points it has."""
     ends = [text_of(point.get("label", {})) or str(point["value"]) for point in points]
     words = {"first": ends[0] if ends else "", "last": ends[-1] if ends else "", "n": len(points)}
     return gettext("%(first)s … %(last)s (%(n)d points)") % words

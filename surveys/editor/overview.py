@@ -1,6 +1,6 @@
-"""What the overview of the editor lists, and the addresses of what is edited and previewed."""
+"""The lists of the editor's overview, and the addresses of its forms and previews."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from functools import partial
 from typing import Any
 from urllib.parse import urlencode
@@ -16,81 +16,60 @@ from surveys.editor.draft import EditorPlace
 from surveys.editor.labels import GUIDE, kind_name, scale_name
 from surveys.models import Questionnaire
 
-ABOUT = EditorPlace("about")
+Problems = dict[EditorPlace, list[str]]
 
 
 def address(row: Questionnaire, place: EditorPlace | None = None) -> str:
-    """Return the address of the overview, or of a part's form."""
     if place is None:
         return reverse("admin:surveys_questionnaire_editor", args=[row.pk])
-    if not place.key:
-        return reverse("admin:surveys_questionnaire_section", args=[row.pk, place.section])
-    return reverse("admin:surveys_questionnaire_part", args=[row.pk, place.section, place.key])
+    name, keys = ("part", [place.key]) if place.key else ("section", [])
+    return reverse(f"admin:surveys_questionnaire_{name}", args=[row.pk, place.section, *keys])
 
 
-def told(found: Iterable[Problem], whole: Document) -> dict[EditorPlace, list[str]]:
-    """Return what is said of problems, by the page on which each is corrected."""
-
+def problem_texts(found: Iterable[Problem], whole: Document) -> Problems:
     def name_of(one: Problem) -> str:
-        return text_name(GUIDE, _page_for(one.place).part(whole), one.path)
+        return text_name(GUIDE, form_for(one.place).part(whole), one.path)
 
-    said = by_place(found, lambda one: one.text(_), name_of)
-    return {_page_for(place): texts for place, texts in said.items()}
+    def form_for(place: ProblemPlace) -> EditorPlace:
+        return EditorPlace(place.section, place.part or "")
+
+    sentences = by_place(found, lambda one: one.text(_), name_of)
+    return {form_for(place): texts for place, texts in sentences.items()}
 
 
-def _page_for(place: ProblemPlace) -> EditorPlace:
-    return EditorPlace(place.section, place.part or "")
-
-
-def pages_of(
-    row: Questionnaire, whole: Document, found: dict[EditorPlace, list[str]]
-) -> Iterator[dict[str, Any]]:
-    """Yield the pages with their questions, which are numbered through."""
-    number, nothing = 0, _("No text yet")
+def listed(row: Questionnaire, whole: Document, found: Problems) -> dict[str, Any]:
+    pages, number = [], 0
     for n, page in enumerate(whole["pages"], start=1):
         questions = []
         for item in page["items"]:
             number += 1
-            place = EditorPlace("questions", item["key"])
-            questions.append(
-                {
-                    "key": item["key"],
-                    "title": f"{number}. {text_of(item['text'], whole) or nothing}",
-                    "kind": kind_name(item["kind"]),
-                    "url": address(row, place),
-                    "told": found.get(place),
-                    "is_conditional": "show_if" in item,
-                }
-            )
-        place = EditorPlace("pages", page["key"])
-        yield {
-            "key": page["key"],
-            "n": n,
-            "title": text_of(page.get("title", {}), whole),
-            "url": address(row, place),
-            "preview": preview_of(row, n),
-            "told": found.get(place),
-            "questions": questions,
-            "is_last": n == len(whole["pages"]),
-        }
+            title = text_of(item["text"], whole) or _("No text yet")
+            more = {"kind": kind_name(item["kind"]), "is_conditional": "show_if" in item}
+            line = _line(row, EditorPlace("questions", item["key"]), f"{number}. {title}", found)
+            questions.append(line | more)
+        title = text_of(page.get("title", {}), whole)
+        line = _line(row, EditorPlace("pages", page["key"]), title, found)
+        is_last = n == len(whole["pages"])
+        more = {"n": n, "preview": preview_of(row, n), "questions": questions, "is_last": is_last}
+        pages.append(line | more)
+    in_words = partial(text_of, whole=whole)
+    scales = [
+        _line(row, EditorPlace("scales", name), scale_name(points, in_words), found)
+        for name, points in whole["scales"].items()
+    ]
+    about = _line(row, EditorPlace("about"), "", found)
+    return {"pages": pages, "scales": scales, "about": about}
 
 
-def scales_of(
-    row: Questionnaire, whole: Document, found: dict[EditorPlace, list[str]]
-) -> Iterator[dict[str, Any]]:
-    """Yield the scales."""
-    for name, points in whole["scales"].items():
-        place = EditorPlace("scales", name)
-        title = scale_name(points, partial(text_of, whole=whole))
-        yield {"key": name, "title": title, "url": address(row, place), "told": found.get(place)}
+def _line(row: Questionnaire, place: EditorPlace, title: str, found: Problems) -> dict[str, Any]:
+    url = address(row, place)
+    return {"key": place.key, "title": title, "url": url, "problems": found.get(place)}
 
 
 def preview_of(row: Questionnaire, page: int) -> str:
-    """Return the address of a page as respondents see it."""
     start = reverse("admin:surveys_questionnaire_preview", args=[row.pk])
     return f"{start}?{urlencode({'page': page, 'language': get_language() or ''})}"
 
 
 def text_of(text: Document, whole: Document) -> str:
-    """Return a text in the language of the page, or in one that it has."""
     return text_in(text, [get_language() or "", *whole["languages"]])

@@ -1,8 +1,8 @@
-"""The editor: a questionnaire written page by page, without JSON and without JavaScript.
+"""The editor of questionnaires, which needs neither JSON nor JavaScript.
 
 The overview has the pages with their questions, and the scales; each has a form of its own. Every
-button of a form sends the whole form, so that nothing that was typed is lost. A draft may be saved
-half done; what is missing is told where it is mended.
+button of a form sends the whole form, so that no input is lost. Incomplete drafts can be saved;
+their problems are shown where they are corrected.
 """
 
 from collections.abc import Callable
@@ -15,6 +15,7 @@ from django import forms
 from django.conf import settings
 from django.contrib import admin, messages
 from django.contrib.admin.models import CHANGE, LogEntry
+from django.contrib.auth.decorators import permission_required
 from django.core.exceptions import PermissionDenied
 from django.http import Http404, HttpRequest, HttpResponse
 from django.shortcuts import get_object_or_404, redirect, render
@@ -22,18 +23,16 @@ from django.urls import URLPattern, path
 from django.utils import timezone
 from django.utils.translation import get_language, gettext_lazy
 from django.utils.translation import gettext as _
-from django.views.decorators.cache import never_cache
 from django.views.decorators.http import require_http_methods
 
 from surveys.definition import Definition
 from surveys.document_forms.fields import Offered, language_name
+from surveys.document_forms.part_form import MEANWHILE, SubmittedPart, number, pressed
 from surveys.document_forms.parts import Document, change
 from surveys.document_forms.problem_text import sentences
-from surveys.document_forms.submitted import MEANWHILE, SubmittedPart, number, pressed
 from surveys.documents import BadDefinitionError, ChangedMeanwhileError
 from surveys.editor.draft import (
     EditorPlace,
-    answers_typed,
     arrange,
     complete,
     earlier,
@@ -41,9 +40,10 @@ from surveys.editor.draft import (
     new_entry,
     new_question,
     numbered,
+    type_answers,
 )
 from surveys.editor.labels import CHOICES, READY, EditorForm, kind_name, ready_points, scale_name
-from surveys.editor.overview import ABOUT, address, pages_of, preview_of, scales_of, text_of, told
+from surveys.editor.overview import address, listed, preview_of, problem_texts, text_of
 from surveys.importing.reading import MAX_SLUG, slug_for
 from surveys.item import Question
 from surveys.models import Questionnaire
@@ -51,7 +51,7 @@ from surveys.questionnaires import begin_empty, problems_of, save_draft
 from surveys.questions import TYPES
 
 VIEW, ADD, EDIT = (f"surveys.{verb}_questionnaire" for verb in ("view", "add", "change"))
-# In the browser's session: the page of another app that leads to the editor, and its title.
+# In the session: title and address of the page of a study that the editor was opened from.
 OPENED_FROM = "questionnaire_opened_from"
 TITLES = {
     "about": gettext_lazy("About the questionnaire"),
@@ -61,8 +61,6 @@ TITLES = {
 
 
 class WriteForm(forms.Form):
-    """What a new questionnaire is called, and its languages."""
-
     title = forms.CharField(label=gettext_lazy("Title"), max_length=200)
     languages = forms.MultipleChoiceField(
         label=gettext_lazy("Languages"),
@@ -82,14 +80,12 @@ class WriteForm(forms.Form):
 
 
 def leads_here(request: HttpRequest, title: str, url: str) -> None:
-    """Have the editor lead back to the page of a study that leads to it."""
-    told = {"title": title, "url": url}
-    if request.session.get(OPENED_FROM) != told:
-        request.session[OPENED_FROM] = told
+    opened_from = {"title": title, "url": url}
+    if request.session.get(OPENED_FROM) != opened_from:
+        request.session[OPENED_FROM] = opened_from
 
 
 def urls(guard: Callable[..., Any]) -> list[URLPattern]:
-    """Return the addresses of the editor."""
     name = "surveys_questionnaire"
     return [
         path("write/", guard(write), name=f"{name}_write"),
@@ -99,17 +95,15 @@ def urls(guard: Callable[..., Any]) -> list[URLPattern]:
     ]
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
+@permission_required(ADD, raise_exception=True)
 def write(request: HttpRequest) -> HttpResponse:
-    """Ask title, languages and name, and begin a draft."""
-    _check(request, ADD)
     form = WriteForm(request.POST or None)
     if form.is_valid():
-        said = form.cleaned_data
-        name = said["name"] or slug_for(said["title"])
+        title, name = form.cleaned_data["title"], form.cleaned_data["name"]
+        languages = form.cleaned_data["languages"]
         try:
-            row = begin_empty(name, said["title"], said["languages"], timezone.now())
+            row = begin_empty(name or slug_for(title), title, languages, timezone.now())
         except BadDefinitionError as error:
             form.add_error("name", sentences(error.problems))
         else:
@@ -117,20 +111,16 @@ def write(request: HttpRequest) -> HttpResponse:
     return _page(request, "write", {"title": _("Write a questionnaire"), "form": form})
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
-    """Show the pages with their questions; a button adds, moves, copies or removes one."""
     row = _row(request, pk)
     whole = whole_of(row)
     if request.method == "POST":
         return _press(request, row, whole)
-    found = told(problems_of(row), whole)
+    found = problem_texts(problems_of(row), whole)
     context = {
+        **listed(row, whole, found),
         "title": row.title,
-        "pages": list(pages_of(row, whole, found)),
-        "scales": list(scales_of(row, whole, found)),
-        "about": {"url": address(row, ABOUT), "told": found.get(ABOUT)},
         "languages": [language_name(code) for code in whole["languages"]],
         "kinds": [(kind, kind_name(kind)) for kind in TYPES],
         "ready": [(name, words) for name, (words, _labels) in READY.items()],
@@ -139,10 +129,8 @@ def overview(request: HttpRequest, pk: UUID) -> HttpResponse:
     return _page(request, "editor", context, row)
 
 
-@never_cache
 @require_http_methods(["GET", "HEAD", "POST"])
 def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpResponse:
-    """Show the form of the questionnaire itself or a part of it; a POST changes it."""
     row, place = _row(request, pk), EditorPlace(section, key)
     whole = whole_of(row)
     is_known = section in {*TITLES, "questions"} and bool(key) != (section == "about")
@@ -151,14 +139,19 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
         raise Http404
     if request.method != "POST":
         return _show(request, row, place, SubmittedPart(former or {}))
-    # Somebody else may have removed the question: what was typed is shown once more.
-    is_gone = former is None
-    former = former or {"kind": request.POST["kind"], "key": key}
-    sent = _read(request, place, former, whole)
-    if is_gone:
+    # If another user has removed the question, the input is shown again.
+    known = former or {"kind": request.POST["kind"], "key": key}
+    sent = _read(request, place, known, whole)
+    if former is None:
         sent.above.append(_("Not saved: someone else removed this question."))
-    if sent.errors or sent.above or not _saved(request, row, place, whole, sent):
-        return _show(request, Questionnaire.objects.get(pk=pk), place, sent, former=former)
+    if not (sent.errors or sent.above):
+        refusal = keep(request, row, place.put(whole, sent.part))
+        sent.above += [refusal] if refusal else []
+    if sent.errors or sent.above:
+        return _show(request, Questionnaire.objects.get(pk=pk), place, sent, known)
+    user: Any = request.user
+    what = f"Changed: {section} {key}"
+    LogEntry.objects.log_actions(user.pk, [row], CHANGE, what, single_object=True)
     messages.success(request, _("Saved."))
     if request.POST.get("do") == "done":
         return redirect(f"{address(row)}#at-{sent.part.get('key', key)}")
@@ -167,13 +160,11 @@ def edit(request: HttpRequest, pk: UUID, section: str, key: str = "") -> HttpRes
 
 
 def whole_of(row: Questionnaire) -> Document:
-    """Return a questionnaire as a plain document."""
     document: Document = msgspec.json.decode(msgspec.json.encode(row.as_definition()))
     return {"scales": {}, "topics": [], **document}
 
 
 def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
-    """Store a draft; return why it cannot be, else nothing."""
     if request.POST.get("sha256") != row.sha256:
         return str(MEANWHILE)
     asked = {item.get("scale") for page in whole["pages"] for item in page["items"]}
@@ -187,11 +178,8 @@ def keep(request: HttpRequest, row: Questionnaire, whole: Document) -> str:
     return ""
 
 
-# --- the overview ---------------------------------------------------------------------------------
-
-
 def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpResponse:
-    """Do what a button says: `add|up|down|copy|remove:<section>:<key>:<kind>`."""
+    """Perform the action of a button, `add|up|down|copy|remove:<section>:<key>:<kind>`."""
     verb, section, key, kind = pressed(request.POST, 4)
     place = EditorPlace(section, key)
     made = _added(whole, place, kind) if verb == "add" else None
@@ -205,12 +193,11 @@ def _press(request: HttpRequest, row: Questionnaire, whole: Document) -> HttpRes
 
 
 def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None:
-    """Add a page, a question of a kind to the page of the place, or a scale that is offered or has
-    two points without words; return where it is.
-    """
+    """Add a page, a question to a page, or an offered or empty scale; return its place."""
     if place.section == "pages":
-        whole["pages"].append({"key": numbered("page_", keys_in(whole)), "items": []})
-        return EditorPlace("pages", whole["pages"][-1]["key"])
+        key = numbered("page_", keys_in(whole))
+        whole["pages"].append({"key": key, "items": []})
+        return EditorPlace("pages", key)
     if place.section == "scales":
         name = kind if kind in READY else numbered("scale_", whole["scales"])
         blank = [{"value": 1}, {"value": 2}]
@@ -220,58 +207,36 @@ def _added(whole: Document, place: EditorPlace, kind: str) -> EditorPlace | None
     page = EditorPlace("pages", place.key).part(whole)
     if page is None or kind not in TYPES:
         return None
-    items = page["items"]
-    items.append(new_question(kind, next(iter((*whole["scales"], *READY))), whole))
-    return EditorPlace("questions", items[-1]["key"])
-
-
-# --- forms ----------------------------------------------------------------------------------------
+    question = new_question(kind, next(iter((*whole["scales"], *READY))), whole)
+    page["items"].append(question)
+    return EditorPlace("questions", question["key"])
 
 
 def _read(
     request: HttpRequest, place: EditorPlace, former: Document, whole: Document
 ) -> SubmittedPart:
-    """Return what a form says after its button: `save`, `done`, `add:<list>`, or
-    `remove|up|down:<list>:<n>`.
-    """
+    """Return a form after its button: `save`, `done`, `add:<list>`, `remove|up|down:<list>:<n>`."""
     cls = place.cls(former)
     part = complete(EditorForm.read(cls, request.POST, only=place.only), former, whole)
     if part.get("show_if"):
         questions = list(msgspec.convert(whole, Definition).questions())
-        answers_typed(part["show_if"], former.get("show_if"), questions)
+        type_answers(part["show_if"], former.get("show_if"), questions)
     verb, name, n = pressed(request.POST)
-    anchor = name
-    if verb == "add" and (made := new_entry(cls, name, part, whole)):
-        part[name] = [*part.get(name, ()), *made]
-        anchor = f"{name}.{len(part[name]) - 1}"
-    elif isinstance(part.get(name), list):
-        part[name] = change(part[name], verb, number(n))
+    anchor, values = name, EditorForm.list_in(part, name, cls, place.only)
+    if values is not None and verb == "add":
+        values.append(new_entry(cls, name, part, whole))
+        anchor = f"{name}.{len(values) - 1}"
+    elif values is not None:
+        values[:] = change(values, verb, number(n))
         if name == "points":
-            # the words move, the values keep rising
-            values = [point["value"] for point in part[name]]
-            values = sorted(values) if all(isinstance(one, int) for one in values) else values
-            part[name] = [one | {"value": n} for one, n in zip(part[name], values, strict=True)]
+            # Only the labels move: values must increase.
+            numbers = [point["value"] for point in values]
+            if all(isinstance(one, int) for one in numbers):
+                numbers.sort()
+            values[:] = [one | {"value": n} for one, n in zip(values, numbers, strict=True)]
     offered = _offered(whole, place, part)
     form = EditorForm(cls, part, offered=offered, only=place.only, is_sent=True)
-    return SubmittedPart(part, form.told, anchor=anchor)
-
-
-def _saved(
-    request: HttpRequest,
-    row: Questionnaire,
-    place: EditorPlace,
-    whole: Document,
-    sent: SubmittedPart,
-) -> bool:
-    refused = keep(request, row, place.put(whole, sent.part))
-    if refused:
-        sent.above.append(refused)
-    else:
-        user: Any = request.user
-        LogEntry.objects.log_actions(
-            user.pk, [row], CHANGE, f"Changed: {place.section} {place.key}", single_object=True
-        )
-    return not refused
+    return SubmittedPart(part, form.refusals, anchor=anchor)
 
 
 def _show(
@@ -292,7 +257,7 @@ def _show(
         is_sent=bool(sent.errors),
     )
     kind = former.get("kind", "")
-    keys = [[page["key"], *(item["key"] for item in page["items"])] for page in whole["pages"]]
+    keys = [{page["key"], *(item["key"] for item in page["items"])} for page in whole["pages"]]
     page = next((n for n, inside in enumerate(keys, 1) if place.key in inside), 1)
     context = {
         "title": kind_name(kind) if kind else TITLES[place.section],
@@ -300,7 +265,7 @@ def _show(
         "kind": kind,
         "above": sent.above,
         "has_errors": bool(sent.errors),
-        "told": told(problems_of(row), whole).get(place, ()),
+        "problems": problem_texts(problems_of(row), whole).get(place, ()),
         "preview": preview_of(row, page) + (f"#q-{place.key}" if kind else ""),
     }
     status = 422 if sent.errors or sent.above else 200
@@ -308,7 +273,6 @@ def _show(
 
 
 def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
-    """Return what can be chosen in a form, with what it is called."""
     definition, text = msgspec.convert(whole, Definition), partial(text_of, whole=whole)
     texts = {one.key: _in_full(one, text) for one in definition.questions()}
     scales = {name: scale_name(points, text) for name, points in whole["scales"].items()}
@@ -330,27 +294,19 @@ def _offered(whole: Document, place: EditorPlace, part: Document) -> Offered:
 
 
 def _in_full(question: Question, text: Callable[[Document], str]) -> str:
-    """Return the text of a question, with that of the grid that it is a row of."""
+    """Return the text of a question; of a row, after that of its grid."""
     both = (question.item.text, question.text) if question.row is not None else (question.text,)
     return " · ".join(filter(None, (text(dict(one)) for one in both))) or question.key
 
 
-# --- pages ----------------------------------------------------------------------------------------
-
-
 def _row(request: HttpRequest, pk: UUID) -> Questionnaire:
-    """Return a questionnaire, to look at or, with a POST, to change."""
-    _check(request, EDIT if request.method == "POST" else VIEW)
+    """Return a questionnaire to view or, for a POST, to change."""
+    user: Any = request.user
     row = get_object_or_404(Questionnaire, pk=pk)
-    if request.method == "POST" and row.frozen_at is not None:
+    is_change = request.method == "POST"
+    if not user.has_perm(EDIT if is_change else VIEW) or (is_change and row.frozen_at is not None):
         raise PermissionDenied
     return row
-
-
-def _check(request: HttpRequest, permission: str) -> None:
-    user: Any = request.user
-    if not user.has_perm(permission):
-        raise PermissionDenied
 
 
 def _page(
@@ -361,13 +317,15 @@ def _page(
     status: int = 200,
 ) -> HttpResponse:
     user: Any = request.user
+    is_draft = row is not None and row.frozen_at is None
     context = {
         **admin.site.each_context(request),
         "opts": Questionnaire._meta,
         "questionnaire": row,
-        "may_change": row is not None and row.frozen_at is None and user.has_perm(EDIT),
+        "may_change": is_draft and user.has_perm(EDIT),
         "may_add": user.has_perm(ADD),
         "opened_from": request.session.get(OPENED_FROM),
+        **more,
     }
     page = f"admin/surveys/questionnaire/{name}.html"
-    return render(request, page, {**context, **more}, status=status)
+    return render(request, page, context, status=status)

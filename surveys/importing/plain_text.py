@@ -1,7 +1,5 @@
-"""Texts of other survey systems, which are HTML, as the plain text that questionnaires here hold.
-
-Paragraphs, list entries and table rows become lines. What cannot be shown as text, such as a
-picture, is counted, so that the report can say that it is gone.
+"""HTML texts of other survey systems as plain text. Paragraphs, list entries and table rows become
+lines; tags that cannot be shown as text, such as a picture, are returned for the report.
 """
 
 import re
@@ -18,8 +16,9 @@ _MEDIA = {
     *("audio", "canvas", "embed", "iframe", "img", "input", "object", "select", "svg"),
     *("textarea", "video"),
 }
-# What the three systems replace with an earlier answer or another value: ${q://QID1/…} and
-# ${e://Field/…} of Qualtrics, {code.shown} and {TOKEN:FIRSTNAME} of LimeSurvey, [field] of REDCap.
+_BEFORE = {"td": " ", "th": " ", "li": "- "}
+# Placeholders of earlier answers and other values: ${q://QID1/…} and ${e://Field/…} of Qualtrics,
+# {code.shown} and {TOKEN:FIRSTNAME} of LimeSurvey, [field] of REDCap.
 PIPED = {
     "qualtrics": re.compile(r"\$\{[a-z]+://[^}]*\}"),
     "limesurvey": re.compile(r"\{[A-Za-z][^{}\s][^{}]*\}"),
@@ -31,7 +30,7 @@ _COMMENT = re.compile(r"<!--.*?(?:-->|\Z)", re.DOTALL)
 
 @dataclass(frozen=True)
 class PlainText:
-    """A text without markup. `lost` names the tags of what it showed beside text, sorted."""
+    """A text without markup, and the tags of what it cannot show, sorted."""
 
     text: str
     lost: tuple[str, ...] = ()
@@ -47,19 +46,12 @@ class _TextParser(HTMLParser):
         self._address = ""
 
     def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
-        if tag in _UNSEEN:
-            self._unseen += 1
-        if tag == "script":
+        self._unseen += tag in _UNSEEN
+        if tag in _MEDIA or tag == "script":
             self.lost.add(tag)
         if tag in _MEDIA:
-            self.lost.add(tag)
             self.parts.append(dict(attrs).get("alt") or "")
-        if tag in _LINES:
-            self.parts.append("\n")
-        if tag in {"td", "th"}:
-            self.parts.append(" ")
-        if tag == "li":
-            self.parts.append("- ")
+        self.parts.append("\n" * (tag in _LINES) + _BEFORE.get(tag, ""))
         if tag == "a":
             self._address = dict(attrs).get("href") or ""
 
@@ -79,9 +71,7 @@ class _TextParser(HTMLParser):
 
 
 def plain(html: str, *, keeps_lines: bool = False) -> PlainText:
-    """Return a text without its markup; a line break of the source is a space unless the system
-    shows it as one (`keeps_lines`).
-    """
+    """Return a text without markup; unless `keeps_lines`, its line breaks become spaces."""
     if "<" not in html and "&" not in html:
         text = html if keeps_lines else re.sub(r"\s+", " ", html)
         return PlainText(_tidy(text))
@@ -104,8 +94,6 @@ def _closed(html: str) -> str:
 
 
 def _tidy(text: str) -> str:
-    """Return a text without empty lines, blanks at the ends of lines, and control characters that
-    a database refuses.
-    """
+    """Return a text without empty lines, outer blanks, and control characters (for PostgreSQL)."""
     lines = (re.sub(r"[\s\x00-\x1f\u00a0]+", " ", line).strip() for line in text.splitlines())
     return "\n".join(line for line in lines if line not in {"", "-"})

@@ -1,8 +1,6 @@
-"""What became of each part of a file that was imported: nothing is left out without a line here."""
+"""The report of an import: each part of the file that is changed or left out has a line in it."""
 
-from collections.abc import Sequence
 from enum import StrEnum
-from typing import Any
 
 import msgspec
 from django.utils.translation import gettext_lazy
@@ -11,8 +9,6 @@ EXCERPT = 120
 
 
 class ImportOutcome(StrEnum):
-    """What became of it."""
-
     IMPORTED = "imported"
     CHANGED = "changed"
     LEFT_OUT = "left_out"
@@ -26,12 +22,12 @@ LABELS = {
 
 
 class NotImportedError(Exception):
-    """A part of a file that has no counterpart here; the text says why."""
+    """A part of a file cannot be imported; the text is the reason."""
 
 
 class Note(msgspec.Struct):
-    """A line of the report. `name` is what the file calls it, `text` its first words, `keys` are
-    the questions that it became, `remarks` say what is different, or why it was not imported.
+    """A line of the report: the `name` of a part in the file, its first words, the keys of the
+    questions that it became, and changes or the reason for leaving it out.
     """
 
     name: str
@@ -40,39 +36,32 @@ class Note(msgspec.Struct):
     remarks: list[str] = []
     outcome: ImportOutcome = ImportOutcome.IMPORTED
 
-    def changed(self, remark: str) -> None:
-        """Say what is different from the file."""
-        remark = clean(remark)
+    def changed(self, words: str, **values: object) -> None:
+        remark = clean(words % values if values else words)
         if remark not in self.remarks:
             self.remarks.append(remark)
         if self.outcome is ImportOutcome.IMPORTED:
             self.outcome = ImportOutcome.CHANGED
 
     def left_out(self, reason: str) -> None:
-        """Say why it was not imported."""
         self.keys = []
         self.remarks = [clean(reason)]
         self.outcome = ImportOutcome.LEFT_OUT
 
     @property
     def label(self) -> str:
-        """The outcome in words."""
         return str(LABELS[self.outcome])
 
 
 class ImportReport(msgspec.Struct):
-    """All of them, in the order of the file. `system` is where the file comes from."""
+    """All notes in the order of the file; `system` is the product."""
 
     system: str
     notes: list[Note] = []
 
-    def count(self, outcome: ImportOutcome) -> int:
-        """Return how many lines have an outcome."""
-        return sum(1 for note in self.notes if note.outcome is outcome)
-
-    def counts(self) -> Sequence[tuple[ImportOutcome, str, int]]:
-        """Return each outcome with its name and number."""
-        return [(outcome, str(label), self.count(outcome)) for outcome, label in LABELS.items()]
+    def counts(self) -> list[tuple[ImportOutcome, str, int]]:
+        found = [note.outcome for note in self.notes]
+        return [(outcome, str(label), found.count(outcome)) for outcome, label in LABELS.items()]
 
 
 def clean(text: str) -> str:
@@ -81,16 +70,5 @@ def clean(text: str) -> str:
 
 
 def excerpt(text: str) -> str:
-    """Return the first words of a text on one line."""
     line = " ".join(text.split())
     return line if len(line) <= EXCERPT else line[: EXCERPT - 1].rstrip() + "…"
-
-
-def stored(report: ImportReport) -> Any:
-    """Return a report as it is stored."""
-    return msgspec.to_builtins(report)
-
-
-def from_stored(document: Any) -> ImportReport:
-    """Return a stored report."""
-    return msgspec.convert(document, ImportReport)

@@ -1,32 +1,28 @@
-"""A number within bounds."""
+"""A number within bounds; `this_year` is the year in which it is asked."""
 
 import datetime
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Literal
 
 from django.utils.translation import gettext as _
-from django.utils.translation import pgettext_lazy
+from django.utils.translation import gettext_lazy, pgettext_lazy
 
+from surveys import item
 from surveys.documents import Problem, Text, gettext_noop, spoken
-from surveys.item import (
-    EASTERNMOST,
-    Item,
-    Question,
-    RefusedError,
-    Scales,
-    Viewing,
-    Widget,
-    day_at,
-    first_choice,
-    parsed_number,
-    plain,
-)
+from surveys.item import Item, Question, RefusedError, Scales, Viewing, Widget, plain
 
 
 class Number(Item, frozen=True, kw_only=True, tag="number"):
-    """A number within bounds; `this_year` is the year in which it is asked."""
-
     plain_name: ClassVar[Any] = pgettext_lazy("type of question", "Number")
+    labels: ClassVar[Mapping[str, Any]] = {
+        "minimum": gettext_lazy("Minimum"),
+        "maximum": gettext_lazy("Maximum"),
+        "whole": gettext_lazy("Whole numbers only"),
+        "unit": gettext_lazy("Unit"),
+    }
+    hints: ClassVar[Mapping[str, Any]] = {
+        "maximum": gettext_lazy("Write this_year for the year of the answer.")
+    }
     is_number: ClassVar[bool] = True
 
     minimum: float | None = None
@@ -34,28 +30,19 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
     whole: bool = False
     unit: Text = {}
 
-    def own_texts(self) -> Iterator[Text]:
-        """Yield the unit."""
-        yield self.unit
-
     def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield that no number lies within the bounds."""
-        if (
-            isinstance(self.minimum, float)
-            and isinstance(self.maximum, float)
-            and self.minimum > self.maximum
-        ):
+        least, greatest = self.minimum, self.maximum
+        if isinstance(least, float) and isinstance(greatest, float) and least > greatest:
             yield Problem(gettext_noop("The minimum is greater than the maximum."))
 
     def greatest(self, now: datetime.datetime) -> float | None:
-        """Return the upper bound; None without one."""
-        return day_at(now, EASTERNMOST).year if isinstance(self.maximum, str) else self.maximum
+        year = item.day_at(now, item.EASTERNMOST).year
+        return year if isinstance(self.maximum, str) else self.maximum
 
     def parse(
         self, question: Question, values: Sequence[str], now: datetime.datetime
     ) -> int | float:
-        """Return the number, as an int where it has to be whole."""
-        number = parsed_number(values[0])
+        number = item.parsed_number(values[0])
         if self.whole and number != int(number):
             raise RefusedError(_("Enter a whole number."))
         least, greatest = self.minimum, self.greatest(now)
@@ -65,22 +52,12 @@ class Number(Item, frozen=True, kw_only=True, tag="number"):
             raise RefusedError(_("Enter a number of at most %(n)s.") % {"n": plain(greatest)})
         return int(number) if self.whole else number
 
-    def sent(self, value: Any) -> list[str]:
-        """Return the number without needless decimals."""
-        return [plain(value)]
-
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return an input for a number, and its unit."""
         bounds = {"min": self.minimum, "max": self.greatest(viewing.now)}
-        return Widget(
-            "surveys/_entry.html",
-            self.kind,
-            value=first_choice(chosen),
-            attributes={
-                "step": "1" if self.whole else "any",
-                "inputmode": "numeric" if self.whole else "decimal",
-                **{name: plain(bound) for name, bound in bounds.items() if bound is not None},
-            },
-            more={"type": "number", "unit": spoken(self.unit, viewing.language)},
-            has_one_input=True,
-        )
+        attributes = {
+            "step": "1" if self.whole else "any",
+            "inputmode": "numeric" if self.whole else "decimal",
+            **{name: plain(bound) for name, bound in bounds.items() if bound is not None},
+        }
+        unit = spoken(self.unit, viewing.language)
+        return self.entry(chosen, attributes, type="number", unit=unit)

@@ -1,4 +1,6 @@
-"""Options to put into an order, first to last."""
+"""All options in an order, first to last, stored as the list of their values. The page sends a
+place and an option at a time, "2.a", because without JavaScript each option has a list of places.
+"""
 
 import datetime
 from collections.abc import Iterator, Mapping, Sequence
@@ -7,34 +9,18 @@ from typing import Any, ClassVar
 from django.utils.translation import gettext as _
 from django.utils.translation import gettext_lazy
 
+from surveys import item
 from surveys.documents import Problem, Text, gettext_noop, spoken
-from surveys.item import (
-    Bot,
-    Choice,
-    OptionsItem,
-    Question,
-    RefusedError,
-    Scales,
-    Viewing,
-    Widget,
-    one_of,
-)
+from surveys.item import Choice, OptionsItem, Question, RefusedError, Viewing, Widget
 
 MIN_OPTIONS, MAX_OPTIONS = 2, 20
 
 
 class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
-    """All options in an order, stored as the list of their values, the first place first.
-
-    The page sends a place and an option at a time, "2.a", because without JavaScript each option
-    has a list of places beside it.
-    """
-
     plain_name: ClassVar[Any] = gettext_lazy("Ranking")
     takes_several: ClassVar[bool] = True
 
-    def problems(self, scales: Scales) -> Iterator[Problem]:
-        """Yield what is wrong with the options, or that they cannot be put into an order."""
+    def problems(self, scales: item.Scales) -> Iterator[Problem]:
         yield from super().problems(scales)
         count = len(self.options)
         if self.options and not MIN_OPTIONS <= count <= MAX_OPTIONS:
@@ -47,13 +33,12 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
             yield Problem(words, names=(("alone",),))
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> list[str]:
-        """Return the options in the order that was given; each has a place of its own."""
         sendable = {
-            _sent(place, option.value): (place, option.value)
+            f"{place}.{option.value}": (place, option.value)
             for place in range(1, len(self.options) + 1)
             for option in self.options
         }
-        given = {one_of(sendable, value) for value in values}
+        given = {item.one_of(sendable, value) for value in values}
         ranked = dict(given)
         if len(ranked) < len(given) or len(set(ranked.values())) < len(given):
             raise RefusedError(_("Give each option a different place."))
@@ -62,28 +47,15 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
         return [ranked[place] for place in sorted(ranked)]
 
     def sent(self, value: Any) -> list[str]:
-        """Return each option with its place."""
-        return [_sent(place, option) for place, option in enumerate(value, start=1)]
+        return [f"{place}.{option}" for place, option in enumerate(value, start=1)]
 
     def compared(self, value: Any) -> Any:
-        """Return the option in the first place; an answer to another version may be no order."""
+        """Return the option in the first place; an answer to another version may be no list."""
         return value[0] if isinstance(value, list) else value
 
-    def expected(self, value: str | float) -> str | float:
-        """Return the option as the page sends it in the first place."""
-        return _sent(1, str(value))
-
-    def cell(self, value: Any) -> str:
-        """Return the options in their order with bars between them."""
-        return "|".join(value)
-
-    def columns(self, key: str) -> tuple[str, ...]:
-        """Return a column an option; no key of another question has a point in it."""
-        return tuple(f"{key}.{option.value}" for option in self.options)
-
-    def column_labels(self) -> tuple[Text, ...]:
-        """Return the labels of the options."""
-        return tuple(option.label for option in self.options)
+    def columns(self, key: str) -> Mapping[str, Text]:
+        """Return a column for each option; no other key has a point in it."""
+        return {f"{key}.{option.value}": option.label for option in self.options}
 
     def cells(self, value: Any) -> tuple[Any, ...]:
         """Return the place of each option, from 1."""
@@ -91,38 +63,17 @@ class Ranking(OptionsItem, frozen=True, kw_only=True, tag="ranking"):
         return tuple(places.get(option.value, "") for option in self.options)
 
     def widget(self, question: Question, chosen: Sequence[str], viewing: Viewing) -> Widget:
-        """Return the options with a list of places each, in the order that they have so far;
-        static/js/pages/survey/ranking.js keeps them in order and lets them be dragged.
+        """Return the options in their order so far, each with a list of places;
+        static/js/pages/survey/ranking.js keeps the order and makes them draggable.
         """
         places = [str(place) for place in range(1, len(self.options) + 1)]
-        given: Mapping[str, str] = {
-            option: place for place, _point, option in (value.partition(".") for value in chosen)
-        }
+        given = {option: place for place, _point, option in (one.partition(".") for one in chosen)}
+        language = viewing.language
         rows = [
-            Choice(
-                option.value,
-                spoken(option.label, viewing.language),
-                number=given.get(option.value, ""),
-            )
-            for option in self.options_shown(viewing.seed)
+            Choice(one.value, spoken(one.label, language), number=given.get(one.value, ""))
+            for one in self.options_shown(viewing.seed)
         ]
         rows.sort(key=lambda row: places.index(row.number) if row.number in places else len(places))
         return Widget(
             "surveys/_ranking.html", self.kind, choices=tuple(rows), more={"places": places}
         )
-
-    @classmethod
-    def bot_answer(cls, fields: Sequence[Any], bot: Bot) -> list[tuple[str, str]]:
-        """Return the options in an order of the bot's choice."""
-        (asked,) = fields
-        sendable = (choice.value.partition(".") for choice in asked.choices if choice.value)
-        left = list(dict.fromkeys(option for _place, _point, option in sendable))
-        answer = []
-        for place in range(1, len(left) + 1):
-            option = left.pop(bot.option(f"{asked.name}.{place}", len(left)))
-            answer.append((asked.name, _sent(place, option)))
-        return answer
-
-
-def _sent(place: int, option: str) -> str:
-    return f"{place}.{option}"

@@ -1,4 +1,4 @@
-"""One of several options."""
+"""One of several options, stored as its value."""
 
 import datetime
 from collections.abc import Sequence
@@ -10,11 +10,8 @@ from surveys.item import OptionsItem, Question, one_of
 
 
 class Single(OptionsItem, frozen=True, kw_only=True, tag="single"):
-    """One of several options, stored as its value."""
-
     plain_name: ClassVar[Any] = gettext_lazy("Single choice")
     has_reason_choices: ClassVar[bool] = True
 
     def parse(self, question: Question, values: Sequence[str], now: datetime.datetime) -> str:
-        """Return the option's value."""
         return one_of({option.value: option.value for option in self.options}, values[0])

@@ -32,6 +32,11 @@ from telepresence_site.demo.supervision import PartLostError, ServiceSupervisor
 from telepresence_site.practice.supervisor import READY
 from telepresence_site.serving import APPLICATION, DAPHNE
 
+try:
+    import fcntl
+except ImportError:  # Windows
+    fcntl = None  # type: ignore[assignment]
+
 # each robot lives in a simulated office of its own; somebody walks about in Giraff's
 MOVING_THINGS = {"giraff": ["--option", "people=1"]}
 DELETED_BY_RESET = ("broker", "credentials", "log", "static", "media", "agent", "mail", "sandboxes")
@@ -107,6 +112,29 @@ def require_free(host: str, port: int) -> None:
             ) from error
 
 
+@contextmanager
+def only_demo_in(folder: Path) -> Iterator[None]:
+    """Keep a second demo away from the database in a folder: the two session managers would divide
+    its robots between them, and each has a broker of its own.
+
+    A system without such locks does not prevent it.
+
+    Raises:
+        DemoError: a demo is running there.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "demo.lock").open("a") as file:
+        try:
+            if fcntl is not None:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise DemoError(
+                f"A demo is already running with the data in {folder}: press Ctrl-C where it runs, "
+                "or start another one with VAR_DIR=/tmp/demo make demo PORT=8001."
+            ) from error
+        yield
+
+
 class Demo:
     """One run of the demo."""
 
@@ -154,7 +182,7 @@ class Demo:
             with self.terminal.step("start over"):
                 self._reset()
         with self.terminal.step("database"):
-            call_command("migrate", verbosity=0)
+            call_command("migrate", verbosity=0, skip_checks=False)
         with self.terminal.step("static files"):
             call_command("collectstatic", verbosity=0, interactive=False)
         with self.terminal.step("people, floor plan, robots"):
@@ -318,7 +346,12 @@ def _boot_time(boot: str) -> float:
 def run(options: Options) -> int:
     """Run the demo until Ctrl-C or SIGTERM and return the exit code."""
     with interrupted_by_signals():
-        return _run(options)
+        try:
+            with only_demo_in(settings.VAR_DIR):
+                return _run(options)
+        except DemoError as error:
+            print(f"\n{error}", file=sys.stderr)
+            return 1
 
 
 def _run(options: Options) -> int:
@@ -332,7 +365,7 @@ def _run(options: Options) -> int:
     except KeyboardInterrupt:
         print("\n  Stopping …", flush=True)
         return 0 if demo is not None and demo.password else 130
-    except (DemoError, StartFailed, PartLostError) as error:
+    except (StartFailed, PartLostError) as error:
         print(f"\n{error}", file=sys.stderr)
         return 1
     finally:

@@ -65,7 +65,7 @@ async def healthz(_request: HttpRequest) -> JsonResponse:
     """Tell a supervisor whether this process reaches the database and the broker: 200, or 503 with
     what is missing.
 
-    How the disk is stands there as well; no restart makes room.
+    The state of the disk is reported as well, but never as 503: no restart makes room.
     """
     database = await database_sync_to_async(_database_answers)()
     broker = await bridge.current().wait_connected(PATIENCE_SECONDS)

@@ -45,7 +45,7 @@ async def metrics(request: HttpRequest) -> HttpResponse:
     """Answer with every figure, to those who may see them."""
     if not may_read(request):
         raise Http404
-    _word, free = await disk.read()
+    _word, free = await disk.read()  # None of a disk that does not answer
     of_the_site = await database_sync_to_async(_of_the_site)(timezone.now())
     families = [*_of_this_process(free), *of_the_site]
     registry = CollectorRegistry(auto_describe=False)
@@ -89,6 +89,7 @@ def _of_this_process(free: int | None) -> Iterator[Metric]:
     yield _gauge(
         "broker_connected", "Whether this web process reaches the broker.", float(bridge.connected)
     )
+    yield _gauge("disk_silent", "Whether the disk of VAR_DIR does not answer.", float(free is None))
     if free is not None:
         yield _gauge("disk_free_bytes", "Free space on the disk of VAR_DIR.", float(free))
     yield _counter(

@@ -16,7 +16,7 @@ from django.db.models import Q, QuerySet
 
 from accounts import audit
 from accounts.models import User
-from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.models import Drive
 from robots.models import Enrolment
 from sessions.models import NetworkSample, Session, Snapshot, SystemLog

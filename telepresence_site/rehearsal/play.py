@@ -27,10 +27,10 @@ from experiments.bots.diary import Diary
 from experiments.bots.endings import ABOUT_PHOTO, Ending
 from experiments.bots.pace import Pace, own_pace
 from experiments.bots.persona import effect
-from experiments.dataset.selection import Selection
 from experiments.definition.schema import Condition, StudyDefinition
 from experiments.export.archive import unpacked
 from experiments.export.files import export_files
+from experiments.extraction.selection import Selection
 from experiments.models import Drive, ParticipantKind, Study
 from experiments.participation import links
 from experiments.publishing import obstacles_here
@@ -150,7 +150,7 @@ def carry_out(told: Callable[[str], None]) -> None:
         began, quick = pace.real(), timezone.now()
         diaries, report = _perform(study, orders, site, told, pace)
         seconds, real = (timezone.now() - quick).total_seconds(), pace.real() - began
-    played = Played(report, [diary.as_data() for diary in diaries], seconds, real)
+    played = Played(report, [asdict(diary) for diary in diaries], seconds, real)
     (settings.VAR_DIR / FINDINGS).write_bytes(msgspec.json.encode(played))
 
 

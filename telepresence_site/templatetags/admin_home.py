@@ -146,7 +146,7 @@ def _of_robots(request: HttpRequest, now: datetime.datetime) -> list[Fact]:
     online = sum(robot.is_online(now) for robot in robots)
     in_use = len(states) - waiting
     troubled = sum(has_problem(robot, now) for robot in robots)
-    listed = f"{reverse('admin:robots_robot_changelist')}?now="  # robots/admin_pages/now_filter.py
+    listed = f"{reverse('admin:robots_robot_changelist')}?now="  # robots/admin.py, NowFilter
     facts = [
         Fact(
             online,

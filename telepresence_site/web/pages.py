@@ -23,7 +23,7 @@ from accounts.attempts import Attempts
 from accounts.rate_limits import limited
 from experiments.participation.landing import invitations
 from robots.access import may_drive_each, robots_visible_to
-from robots.api.idle import HEARD_SECONDS
+from robots.api.idle import ONLINE_SECONDS
 from robots.cards import STATES, RobotCard, card
 from robots.models import Robot
 from sessions.leases.traffic import living_sessions, traffic_at
@@ -205,7 +205,7 @@ def _found(robots: QuerySet[Robot], searched: str) -> QuerySet[Robot]:
 
 
 def _in_order(robots: QuerySet[Robot], now: datetime.datetime) -> QuerySet[Robot]:
-    heard = now - datetime.timedelta(seconds=HEARD_SECONDS)
+    heard = now - datetime.timedelta(seconds=ONLINE_SECONDS)
     is_online = Q(presence__connection="ONLINE", enabled=True, presence__last_seen_at__gt=heard)
     return (
         robots.annotate(away=Case(When(is_online, then=0), default=1, output_field=IntegerField()))

@@ -3,74 +3,33 @@
 import re
 from collections.abc import Iterable, Sequence
 
-from experiments.analysis.documents.parts import parts_of
-from experiments.analysis.documents.runs import Run, head_runs
-from experiments.analysis.tables.table import Table, TableCell
+from experiments.analysis.documents.typesetting import Run, head_runs, parts_of
+from experiments.analysis.tables.table import Table
 
 # Two hyphens would become a dash, and two quotation marks one.
 _BETWEEN = "\0"
 _LIGATURE = re.compile(r"([-'`])(?=\1)")
-_SPECIAL = {
-    "\\": r"\textbackslash{}",
-    "&": r"\&",
-    "%": r"\%",
-    "$": r"\$",
-    "#": r"\#",
-    "_": r"\_",
-    "{": r"\{",
-    "}": r"\}",
-    "~": r"\textasciitilde{}",
-    "^": r"\textasciicircum{}",
-    "|": r"\textbar{}",
-    _BETWEEN: "{}",
-    "\n": " ",
-    "\r": " ",
-    "\t": " ",
-}
-_PRINTED = {
-    "−": "$-$",
-    "±": r"$\pm$",
-    "≤": r"$\leq$",
-    "≥": r"$\geq$",
-    "<": r"$<$",
-    ">": r"$>$",
-    "²": r"$^2$",
-    "×": r"$\times$",
-    "·": r"$\cdot$",
-    "√": r"$\surd$",
-    "→": r"$\rightarrow$",
-    "–": "--",
-    "—": "---",
-    "…": r"\ldots{}",
-    "“": "``",
-    "”": "''",
-    "‘": "`",
-    "’": "'",
-    "\u00a0": "~",
-    "χ": r"$\chi$",
-    "η": r"$\eta$",
-    "ρ": r"$\rho$",
-    "ε": r"$\epsilon$",
-    "α": r"$\alpha$",
-    "β": r"$\beta$",
-    "ω": r"$\omega$",
-    "μ": r"$\mu$",
-    "σ": r"$\sigma$",
-}
-_LATEX = str.maketrans({**_SPECIAL, **_PRINTED})
+_GREEK = ("alpha", "beta", "epsilon", "eta", "mu", "rho", "sigma", "chi", "omega")
+_LATEX = str.maketrans(
+    {sign: rf"\{sign}" for sign in "&%$#_{}"}
+    | dict.fromkeys("\n\r\t", " ")
+    | {sign: rf"$\{name}$" for sign, name in zip("αβεημρσχω", _GREEK, strict=True)}
+    | {"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"}
+    | {"|": r"\textbar{}", _BETWEEN: "{}", "\u00a0": "~", "…": r"\ldots{}"}
+    | {"−": "$-$", "±": r"$\pm$", "≤": r"$\leq$", "≥": r"$\geq$", "<": "$<$", ">": "$>$"}
+    | {"²": "$^2$", "×": r"$\times$", "·": r"$\cdot$", "√": r"$\surd$", "→": r"$\rightarrow$"}
+    | {"–": "--", "—": "---", "“": "``", "”": "''", "‘": "`", "’": "'"}
+)
 _POSITIONS = {"sub": r"\textsubscript", "super": r"\textsuperscript"}
 PREAMBLE = "% Needs \\usepackage{booktabs} in the preamble.\n"
 
 
 def latex(text: str) -> str:
-    """Return text that LaTeX prints as it stands. Letters of other languages stay as they are: they
-    are part of UTF-8, which LaTeX reads since 2018.
-    """
+    """Return text that LaTeX prints literally, other alphabets unchanged (LaTeX reads UTF-8)."""
     return _LIGATURE.sub(lambda found: found[0] + _BETWEEN, text).translate(_LATEX)
 
 
 def runs_as_latex(runs: Iterable[Run]) -> str:
-    """Return text with its italics, subscripts and superscripts."""
     return "".join(_run(run) for run in runs)
 
 
@@ -82,7 +41,6 @@ def _run(run: Run) -> str:
 
 
 def as_latex(table: Table) -> str:
-    """Return a table, in parts where it is wide, to be put into a paper."""
     return PREAMBLE + "\n".join(_part(part) for part in parts_of(table))
 
 
@@ -107,15 +65,10 @@ def _part(table: Table) -> str:
 
 
 def _columns(table: Table) -> str:
-    """Numbers stand at the right, words at the left."""
     return "".join(
-        "r" if _is_numeric(row[place] for row in table.rows) else "l"
+        "r" if any(row[place].value is not None for row in table.rows) else "l"
         for place in range(len(table.head))
     )
-
-
-def _is_numeric(cells: Iterable[TableCell]) -> bool:
-    return any(cell.value is not None for cell in cells)
 
 
 def _line(cells: Sequence[str]) -> str:

@@ -1,18 +1,22 @@
-"""The tests of a table as sentences in the style of the APA (Publication Manual, 7th edition,
-sections 6.36 and 6.40 to 6.45): symbols in italics, no zero before the point of what cannot exceed
-1, p with three decimals and nothing below .001, and an interval behind each effect.
+"""Tests as sentences of the APA (Publication Manual, 7th edition, 6.36 and 6.40 to 6.45): symbols
+in italics, no zero before the point of what cannot exceed 1, no p below .001, intervals behind
+effects.
 """
 
 import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
-from experiments.analysis.documents.runs import Run, plain, symbol
+from experiments.analysis.documents.typesetting import Run, marked, plain, runs_of
 from experiments.analysis.tables.comparisons import REMARK
 from experiments.analysis.tables.table import Table, TableCell
 
-SIGNIFICANT = 0.05
+RowKey = tuple[str, str, str]  # the table, measure and contrast or effect of a declared test
+Decisions = Mapping[RowKey, Sequence[tuple[str, float]]]  # hypotheses with p in their families
+NO_DECISIONS: Decisions = MappingProxyType({})
+Cells = Mapping[str, TableCell]
 LEAST_P = 0.001
 # What cannot exceed 1: it is written without a zero before the point.
 BOUNDED = frozenset({"r", "ρ", "W (Kendall)", "η²p", "ε²"})
@@ -20,145 +24,124 @@ METHODS = {
     "paired t": ("A paired t test", "t"),
     "Welch t": ("A Welch t test", "t"),
     "Welch F": ("A Welch analysis of variance", "F"),
+    "repeated-measures F": ("An analysis of variance for repeated measures", "F"),
     "Wald F": ("A Wald F test in a linear mixed model", "F"),
+    "score F (logistic)": ("A score test in a logistic regression", "F"),
+    "score F (Poisson)": ("A score test in a Poisson regression", "F"),
+    "score F (Cox)": ("A score test in a Cox regression", "F"),
+    "log-rank χ²": ("A log-rank test", "χ²"),
+    "N−1 χ²": ("An N−1 χ² test of proportions", "χ²"),
+    "Boschloo": ("Boschloo’s exact test", "statistic"),
+    "McNemar mid-p": ("A McNemar test (mid-p)", "b"),
+    "Cochran Q": ("Cochran’s test", "Q"),
     "Friedman χ²": ("A Friedman test", "χ²"),
     "Kruskal-Wallis H": ("A Kruskal-Wallis test", "H"),
     "Mann-Whitney U": ("A Mann-Whitney test", "U"),
     "Wilcoxon signed rank": ("A Wilcoxon signed-rank test", "V"),
     "Spearman ρ": ("Spearman’s rank correlation", "ρ"),
 }
-# Symbols inside the names of methods are set in italics, too.
+# Symbols inside the names of methods, which are in italics, too.
 _ITALIC = re.compile(r"\b([tF])\b(?= test)")
 NEEDED = frozenset({"Test", "Statistic", "p", REMARK})
 
 
 @dataclass(frozen=True)
 class Sentence:
-    """What a test found, and in which table it is."""
+    """The result of a test in a table, and the plan's hypothesis that it decides on, if any."""
 
     table: str
     runs: tuple[Run, ...]
+    hypothesis: str = ""
 
     @property
     def text(self) -> str:
-        """The sentence without italics."""
         return plain(self.runs)
 
 
-def sentences_of(table: Table) -> Iterator[Sentence]:
-    """Yield a sentence for each row of a table that has a test; none for other tables."""
+def sentences_of(
+    table: Table, alpha: float, decisions: Decisions = NO_DECISIONS
+) -> Iterator[Sentence]:
+    """Yield a sentence for each test of a table, and for each hypothesis that it decides on."""
     if not set(table.head) >= NEEDED:
         return
     for row in table.rows:
         cells = dict(zip(table.head, row, strict=True))
         if cells["Test"].text in METHODS and cells["p"].value is not None:
-            yield Sentence(table.name, tuple(_sentence(table, cells)))
+            for key, p in decisions.get(key_of(table, cells), (("", math.nan),)):
+                yield Sentence(table.name, runs_of(_sentence(table, cells, alpha, key, p)), key)
 
 
-def _sentence(table: Table, cells: dict[str, TableCell]) -> Iterator[Run]:
-    method, letter = METHODS[cells["Test"].text]
-    yield Run(f"{_label(table, cells)}: ")
-    yield from _method(method)
-    yield from _claim(cells, letter)
-    yield Run(", ")
-    yield from _statistic(cells, letter)
-    yield from _probabilities(cells)
-    yield from _effect(cells)
-    yield Run(".")
+def key_of(table: Table, cells: Mapping[str, TableCell]) -> RowKey:
+    """Return what names a test: its table, its measure, and its contrast or effect."""
+    named = [cells[head].text for head in ("Measure", "Contrast", "Effect") if head in cells]
+    measure, label, *_ = (*named, "", "")
+    return table.name, measure, label
 
 
-def _label(table: Table, cells: dict[str, TableCell]) -> str:
-    """Return what was tested: the words in front of the numbers."""
+def _sentence(table: Table, cells: Cells, alpha: float, hypothesis: str, in_family: float) -> str:
+    method, sign = METHODS[cells["Test"].text]
+    method = _ITALIC.sub(lambda found: marked(found[0]), method)
+    p_values: dict[str, float] = {
+        name: value
+        for name in ("p", "p (Holm)")
+        if name in cells and (value := cells[name].value) is not None
+    }
+    if hypothesis:
+        p_values = {"p": p_values["p"], "p (family)": in_family}
     names = [name for name in table.head[: table.head.index("Test")] if ":" not in name]
-    return ", ".join(cells[name].text for name in names if cells[name].value is None)
-
-
-def _method(text: str) -> Iterator[Run]:
-    at = 0
-    for found in _ITALIC.finditer(text):
-        yield Run(text[at : found.start()])
-        yield Run(found[0], italic=True)
-        at = found.end()
-    yield Run(text[at:])
-
-
-def _claim(cells: dict[str, TableCell], letter: str) -> Iterator[Run]:
-    """Say whether there is a difference, and what each condition was like."""
-    p = cells["p (Holm)"].value if "p (Holm)" in cells else cells["p"].value
-    is_found = p is not None and p < SIGNIFICANT
-    what = "relation" if letter == "ρ" else "difference" if _groups_in(cells) else "effect"
-    yield Run(f" showed {'a' if is_found else 'no'} significant {what}")
-    left_out = cells[REMARK].text
-    described = [
-        one
-        for one in _groups_in(cells)
-        if cells[f"{one}: mean"].value is not None and f"{one}: left out" not in left_out
+    label = ", ".join(cells[name].text for name in names if cells[name].value is None)
+    parts = [
+        f"{label}: {method}{_claim(cells, sign, is_found=[*p_values.values()][-1] < alpha)}",
+        _statistic(cells, sign),
+        *(f"{marked(name)} {probability(value)}" for name, value in p_values.items()),
+        *_effect(cells),
     ]
-    if described:
-        yield Run(" between ")
-        yield from _groups(described, cells)
+    return f"{', '.join([hypothesis, *parts] if hypothesis else parts)}."
 
 
-def _groups_in(cells: dict[str, TableCell]) -> list[str]:
-    return [name.removesuffix(": mean") for name in cells if name.endswith(": mean")]
+def _claim(cells: Cells, sign: str, *, is_found: bool) -> str:
+    """Return whether there is a difference, and the mean and SD of each condition."""
+    groups = [name.removesuffix(": mean") for name in cells if name.endswith(": mean")]
+    what = "relation" if sign == "ρ" else "difference" if groups else "effect"
+    text = f" showed {'a' if is_found else 'no'} significant {what}"
+    described = []
+    for one in groups:
+        mean, sd = cells[f"{one}: mean"].value, cells[f"{one}: SD"].value
+        if mean is not None and f"{one}: left out" not in cells[REMARK].text:
+            numbers = f"{marked('M')} = {_number(mean, 2)}, {marked('SD')} = {_number(sd, 2)}"
+            described.append(f"{one} ({numbers})")
+    *others, last = described or [""]
+    listed = " and ".join(filter(None, (", ".join(others), last)))
+    return f"{text} between {listed}" if listed else text
 
 
-def _groups(names: list[str], cells: dict[str, TableCell]) -> Iterator[Run]:
-    for place, name in enumerate(names):
-        if place:
-            yield Run(" and " if place == len(names) - 1 else ", ")
-        yield Run(f"{name} (")
-        yield from _equal("M", _number(cells[f"{name}: mean"].value, 2))
-        yield Run(", ")
-        yield from _equal("SD", _number(cells[f"{name}: SD"].value, 2))
-        yield Run(")")
-
-
-def _statistic(cells: dict[str, TableCell], letter: str) -> Iterator[Run]:
+def _statistic(cells: Cells, sign: str) -> str:
     degrees = [
-        _degrees(cell.value)
+        f"{value:.0f}" if value.is_integer() else f"{value:.2f}"
         for name in ("df", "df 2")
-        if (cell := cells.get(name)) is not None and cell.value is not None
+        if name in cells and (value := cells[name].value) is not None
     ]
     n = cells["n tested"].value if "n tested" in cells else None
-    yield from symbol(letter)
+    people = "" if n is None else f", {marked('N')} = {n:.0f}"
+    text = marked(sign)
     if degrees:
-        yield Run(f"({', '.join(degrees)}")
-        if letter in {"χ²", "H"} and n is not None:
-            yield from (Run(", "), *_equal("N", f"{n:.0f}"))
-        yield Run(")")
-    yield Run(f" = {_number(cells['Statistic'].value, 2, bounded=letter in BOUNDED)}")
-    if not degrees and n is not None:
-        yield from (Run(", "), *_equal("N", f"{n:.0f}"))
+        text += f"({', '.join(degrees)}{people if sign in {'χ²', 'H', 'Q'} else ''})"
+    text += f" = {_number(cells['Statistic'].value, 2, bounded=sign in BOUNDED)}"
+    return text if degrees else f"{text}{people}"
 
 
-def _degrees(value: float) -> str:
-    return f"{value:.0f}" if value.is_integer() else f"{value:.2f}"
-
-
-def _probabilities(cells: dict[str, TableCell]) -> Iterator[Run]:
-    for name in ("p", "p (Holm)"):
-        value = cells[name].value if name in cells else None
-        if value is not None:
-            yield from (Run(", "), *symbol(name), Run(f" {probability(value)}"))
-
-
-def _effect(cells: dict[str, TableCell]) -> Iterator[Run]:
+def _effect(cells: Cells) -> Iterator[str]:
     name = cells["Effect"].text if "Effect" in cells else ""
     size = cells["Size"].value if "Size" in cells else None
     if size is None:
         return
     bounded = name in BOUNDED
     if name != "ρ":  # else it is the statistic itself
-        yield from (Run(", "), *symbol(name), Run(f" = {_number(size, 2, bounded=bounded)}"))
+        yield f"{marked(name)} = {_number(size, 2, bounded=bounded)}"
     low, high = cells["Size: from"].value, cells["Size: to"].value
     if low is not None and high is not None:
         bounds = ", ".join(_number(one, 2, bounded=bounded) for one in (low, high))
-        yield Run(f", 95% CI [{bounds}]")
-
-
-def _equal(name: str, value: str) -> Iterable[Run]:
-    return (*symbol(name), Run(f" = {value}"))
+        yield f"95% CI [{bounds}]"
 
 
 def probability(value: float) -> str:

@@ -1,135 +1,135 @@
-"""Tables and sentences as documents of Word (Office Open XML, ECMA-376), written by hand: what is
-needed of the format is a page of text, and the library for it would bring a parser of XML in C
+"""Tables and sentences as documents of Word (Office Open XML, ECMA-376), written by hand: they are
+pages of text, and a library for the format would bring a parser of XML in C
 (docs/explanation/decisions/). The same content gives the same bytes: no file has a date.
 """
 
 import io
 import zipfile
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from xml.sax.saxutils import escape
 
-from experiments.analysis.documents.parts import parts_of
-from experiments.analysis.documents.runs import Run, head_runs
-from experiments.analysis.tables.table import Table, TableCell
+from experiments.analysis.documents.typesetting import Run, head_runs, parts_of
+from experiments.analysis.tables.table import Table
 
-SAME_DAY = (1980, 1, 1, 0, 0, 0)
 PAGE = (16838, 11906)  # twentieths of a point: A4, landscape
 MARGIN = 1134  # 2 cm
 SIZE, SMALL = 18, 16  # half points
-_HEAD = '<?xml version="1.0" encoding="UTF-8" standalone="yes"?>\n'
-_W = "http://schemas.openxmlformats.org/wordprocessingml/2006/main"
-_TYPES = (
-    f'{_HEAD}<Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types">'
-    '<Default Extension="rels" '
-    'ContentType="application/vnd.openxmlformats-package.relationships+xml"/>'
-    '<Override PartName="/word/document.xml" ContentType="application/'
-    'vnd.openxmlformats-officedocument.wordprocessingml.document.main+xml"/></Types>'
-)
-_RELATIONS = (
-    f'{_HEAD}<Relationships xmlns="http://schemas.openxmlformats.org/package/2006/relationships">'
-    '<Relationship Id="rId1" Type="http://schemas.openxmlformats.org/officeDocument/2006/'
-    'relationships/officeDocument" Target="word/document.xml"/></Relationships>'
-)
-_POSITIONS = {"sub": "subscript", "super": "superscript"}
+FONT = "Times New Roman"
+POSITIONS = {"sub": "subscript", "super": "superscript"}
 # XML has no way to write these.
 _UNWRITABLE = dict.fromkeys((*range(9), 11, 12, *range(14, 32), 65534, 65535))
+_HEAD = '<?xml version="1.0" encoding="UTF-8" standalone="yes"?>\n'
+_PACKAGE = "http://schemas.openxmlformats.org/package/2006"
+_OFFICE = "http://schemas.openxmlformats.org/officeDocument/2006"
+_MIME = "application/vnd.openxmlformats-"
+_MEMBERS = {
+    "[Content_Types].xml": f'{_HEAD}<Types xmlns="{_PACKAGE}/content-types">'
+    f'<Default Extension="rels" ContentType="{_MIME}package.relationships+xml"/>'
+    '<Override PartName="/word/document.xml" '
+    f'ContentType="{_MIME}officedocument.wordprocessingml.document.main+xml"/></Types>',
+    "_rels/.rels": f'{_HEAD}<Relationships xmlns="{_PACKAGE}/relationships">'
+    f'<Relationship Id="rId1" Type="{_OFFICE}/relationships/officeDocument" '
+    'Target="word/document.xml"/></Relationships>',
+}
+_W = "http://schemas.openxmlformats.org/wordprocessingml/2006/main"
 
 
 def table_document(table: Table) -> bytes:
-    """Return a table as a document, in parts where it is wide: lines above, below the head and
-    below the table, as the APA prints them.
-    """
+    """Return a table as a document, in parts if it is wide, with the lines of the APA's tables."""
     return _document("".join(_part(part) for part in parts_of(table)))
 
 
 def text_document(paragraphs: Iterable[Sequence[Run]]) -> bytes:
-    """Return paragraphs as a document."""
     return _document("".join(_paragraph(runs) for runs in paragraphs))
 
 
+def _tag(name: str, *inner: str, **attributes: object) -> str:
+    about = "".join(f' w:{key}="{value}"' for key, value in attributes.items())
+    return f"<w:{name}{about}>{''.join(inner)}</w:{name}>"
+
+
+def _line(side: str, size: int) -> str:
+    return _tag(side, val="single", sz=size, space=0, color="000000")
+
+
 def _part(table: Table) -> str:
-    notes = "".join(
+    notes = (
         _paragraph((Run("Note. ", italic=True), Run(note)) if not place else (Run(note),), SMALL)
         for place, note in enumerate(table.notes)
     )
-    return f"{_paragraph((Run(table.title, italic=True),), keep=True)}{_table(table)}{notes}" + (
-        _paragraph(())
-    )
+    title = _paragraph((Run(table.title, italic=True),), keep=True)
+    return "".join((title, _table(table), *notes, _paragraph(())))
 
 
 def _table(table: Table) -> str:
-    numeric = [_is_numeric(row[place] for row in table.rows) for place in range(len(table.head))]
-    head = _row([head_runs(name) for name in table.head], numeric, is_head=True)
-    rows = "".join(_row([(Run(cell.text),) for cell in row], numeric) for row in table.rows)
-    rule = '<w:{0} w:val="single" w:sz="8" w:space="0" w:color="000000"/>'
-    borders = f"<w:tblBorders>{rule.format('top')}{rule.format('bottom')}</w:tblBorders>"
+    columns = range(len(table.head))
+    numeric = [any(row[place].value is not None for row in table.rows) for place in columns]
     width = (PAGE[0] - 2 * MARGIN) // max(1, len(table.head))
-    grid = f'<w:gridCol w:w="{width}"/>' * len(table.head)
-    return (
-        f'<w:tbl><w:tblPr><w:tblW w:w="0" w:type="auto"/>{borders}</w:tblPr>'
-        f"<w:tblGrid>{grid}</w:tblGrid>{head}{rows}</w:tbl>"
+    return _tag(
+        "tbl",
+        _tag(
+            "tblPr",
+            _tag("tblW", w=0, type="auto"),
+            _tag("tblBorders", _line("top", 8), _line("bottom", 8)),
+        ),
+        _tag("tblGrid", *(_tag("gridCol", w=width) for _column in columns)),
+        _row([head_runs(name) for name in table.head], numeric, is_head=True),
+        *(_row([(Run(cell.text),) for cell in row], numeric) for row in table.rows),
     )
-
-
-def _is_numeric(cells: Iterable[TableCell]) -> bool:
-    return any(cell.value is not None for cell in cells)
 
 
 def _row(cells: Sequence[Sequence[Run]], numeric: Sequence[bool], *, is_head: bool = False) -> str:
     """Return a row; a head is repeated on each page, and no row is divided by a page."""
-    repeated = "<w:tblHeader/>" if is_head else ""
-    line = (
-        '<w:tcBorders><w:bottom w:val="single" w:sz="4" w:space="0" w:color="000000"/>'
-        "</w:tcBorders>"
-        if is_head
-        else ""
+    border = _tag("tcBorders", _line("bottom", 4)) if is_head else ""
+    repeated = _tag("tblHeader") if is_head else ""
+    return _tag(
+        "tr",
+        _tag("trPr", _tag("cantSplit"), repeated),
+        *(
+            _tag("tc", _tag("tcPr", border), _paragraph(runs, SMALL, right=right))
+            for runs, right in zip(cells, numeric, strict=True)
+        ),
     )
-    inside = "".join(
-        f"<w:tc><w:tcPr>{line}</w:tcPr>{_paragraph(runs, SMALL, right=right)}</w:tc>"
-        for runs, right in zip(cells, numeric, strict=True)
-    )
-    return f"<w:tr><w:trPr><w:cantSplit/>{repeated}</w:trPr>{inside}</w:tr>"
 
 
 def _paragraph(
     runs: Iterable[Run], size: int = SIZE, *, right: bool = False, keep: bool = False
 ) -> str:
-    """Return a paragraph; one that is kept stands on the page of what follows."""
-    about = "<w:keepNext/>" if keep else ""
-    about += '<w:spacing w:before="0" w:after="40"/>'
-    about += '<w:jc w:val="right"/>' if right else ""
-    return f"<w:p><w:pPr>{about}</w:pPr>{''.join(_run(run, size) for run in runs)}</w:p>"
+    """Return a paragraph; one that is kept is on the page of the next one."""
+    about = _tag(
+        "pPr",
+        _tag("keepNext") if keep else "",
+        _tag("spacing", before=0, after=40),
+        _tag("jc", val="right") if right else "",
+    )
+    return _tag("p", about, *(_run(run, size) for run in runs))
 
 
 def _run(run: Run, size: int) -> str:
-    italic = "<w:i/>" if run.italic else ""
-    position = f'<w:vertAlign w:val="{_POSITIONS[run.position]}"/>' if run.position else ""
-    about = (
-        '<w:rFonts w:ascii="Times New Roman" w:hAnsi="Times New Roman" w:cs="Times New Roman"/>'
-        f'{italic}<w:sz w:val="{size}"/>{position}'
+    about = _tag(
+        "rPr",
+        _tag("rFonts", ascii=FONT, hAnsi=FONT, cs=FONT),
+        _tag("i") if run.italic else "",
+        _tag("sz", val=size),
+        _tag("vertAlign", val=POSITIONS[run.position]) if run.position else "",
     )
     text = escape(run.text.translate(_UNWRITABLE))
-    return f'<w:r><w:rPr>{about}</w:rPr><w:t xml:space="preserve">{text}</w:t></w:r>'
+    return _tag("r", about, f'<w:t xml:space="preserve">{text}</w:t>')
 
 
 def _document(body: str) -> bytes:
-    page = (
-        f'<w:sectPr><w:pgSz w:w="{PAGE[0]}" w:h="{PAGE[1]}" w:orient="landscape"/>'
-        f'<w:pgMar w:top="{MARGIN}" w:right="{MARGIN}" w:bottom="{MARGIN}" w:left="{MARGIN}" '
-        'w:header="567" w:footer="567" w:gutter="0"/></w:sectPr>'
+    margins = dict.fromkeys(("top", "right", "bottom", "left"), MARGIN)
+    page = _tag(
+        "sectPr",
+        _tag("pgSz", w=PAGE[0], h=PAGE[1], orient="landscape"),
+        _tag("pgMar", **margins, header=567, footer=567, gutter=0),
     )
-    document = f'{_HEAD}<w:document xmlns:w="{_W}"><w:body>{body}{page}</w:body></w:document>'
+    document = f'{_HEAD}<w:document xmlns:w="{_W}">{_tag("body", body, page)}</w:document>'
     buffer = io.BytesIO()
-    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, text in _members(document):
-            about = zipfile.ZipInfo(name, SAME_DAY)
-            about.compress_type = zipfile.ZIP_DEFLATED
+    with zipfile.ZipFile(buffer, "w") as archive:
+        for name, text in {**_MEMBERS, "word/document.xml": document}.items():
+            # always on the same day
+            about = zipfile.ZipInfo(name)
             about.external_attr = 0o644 << 16
-            archive.writestr(about, text.encode())
+            archive.writestr(about, text.encode(), zipfile.ZIP_DEFLATED)
     return buffer.getvalue()
-
-
-def _members(document: str) -> Iterator[tuple[str, str]]:
-    yield "[Content_Types].xml", _TYPES
-    yield "_rels/.rels", _RELATIONS
-    yield "word/document.xml", document

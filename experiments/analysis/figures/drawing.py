@@ -1,9 +1,8 @@
-"""How every figure looks, and how it becomes a file: the same bytes whenever and wherever the same
-numbers are drawn.
+"""The style of all figures, and their files: the same numbers give the same bytes on any machine.
 
-Byte for byte needs three things: no date and no program in the files, ids in SVG that come from a
-fixed salt, and the font that comes with matplotlib. What is drawn carries the name of what is
-behind it (`gid`), which an SVG keeps as its `id`, so that a page can open it.
+That needs three things: no date and no program in the files, ids in SVG from a fixed salt, and the
+font that comes with matplotlib. A part that has sessions behind it has a `gid`, which an SVG keeps
+as its `id`, so that a page can open these sessions.
 """
 
 import io
@@ -11,27 +10,21 @@ import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from math import ceil
+from pathlib import Path
 from typing import Any
 
-from matplotlib import rc_context, rcParamsDefault
-from matplotlib.colors import LinearSegmentedColormap, to_hex
+from matplotlib import style
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.analysis.dataset.records import ParticipantRecord
-from experiments.analysis.tables.participant_kinds import of_whom, title_of
+from experiments.analysis.tables.people import of_whom, title_of
 from experiments.analysis.tables.table import Table
+from experiments.dataset.records import ParticipantRecord
 
 WIDTH = 7.0  # inches: a page's two columns
-# Colours that those who cannot tell red from green tell apart (after ColorBrewer's RdBu, Brewer et
-# al., 2003).
-SCALE = {
-    5: ("#b2182b", "#ef8a62", "#f0f0f0", "#67a9cf", "#2166ac"),
-    7: ("#8c1020", "#d6604d", "#f4a582", "#f0f0f0", "#92c5de", "#4393c3", "#1c5796"),
-}
-# Both ends of a scale are dark in a grey print: what is below the middle is hatched there.
-HATCH = "////"
-# Six of the eight colours of Okabe and Ito (2008), in the order in which neighbours differ most in
-# lightness, and a marker and a line for each, for prints without colours.
+# Six of the eight colours of Okabe and Ito (2008), for colour-blind readers, in the order in which
+# neighbours differ most in lightness, with a marker and a line each, for prints without colours.
 ROBOTS = ("#D55E00", "#56B4E9", "#000000", "#E69F00", "#0072B2", "#CC79A7")
 MARKERS = ("D", "o", "s", "^", "v", "P")
 DASHES = ("-", "--", ":", "-.", (0, (5, 1, 1, 1, 1, 1)), (0, (1, 4)))
@@ -39,106 +32,68 @@ NEGATIVE, POSITIVE = "#E69F00", "#0072B2"
 SMALL = 7.0  # points
 PRINT_DPI = 600  # what journals ask for of drawings in dots
 INK, WALL, FLOOR, FAINT = "#222222", "#4d4d4d", "#f7f5f0", "#b9b9b9"
+Look = dict[str, Any]  # how something is drawn, by matplotlib's keywords
+Behind = dict[str, tuple[str, ...]]  # the sessions behind each part, by gid
 _FONT = b"font-family: 'DejaVu Sans'"
-_STYLE = {
-    "svg.hashsalt": "telepresence",
-    "svg.fonttype": "none",  # text that an editor can change; DejaVu Sans, or what is there
-    "pdf.fonttype": 42,
-    "font.family": ["DejaVu Sans"],
-    "font.size": 8.0,
-    "axes.titlesize": 9.0,
-    "axes.linewidth": 0.6,
-    "axes.edgecolor": INK,
-    "text.color": INK,
-    "axes.labelcolor": INK,
-    "xtick.color": INK,
-    "ytick.color": INK,
-    "xtick.major.width": 0.6,
-    "ytick.major.width": 0.6,
-    "legend.frameon": False,
-    "legend.fontsize": 7.5,
-    "path.simplify": True,
-    "path.simplify_threshold": 0.5,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "figure.dpi": 100.0,
-    "savefig.dpi": 200.0,
-    "hatch.linewidth": 0.5,
-    "axes.unicode_minus": True,
-    "text.usetex": False,
-    "mathtext.fontset": "dejavusans",
-}
+_STYLE = Path(__file__).with_name("house.mplstyle")
 
 
 @dataclass(frozen=True)
 class Drawing:
-    """A figure with a name for its files, what it says, the numbers it was drawn from, and the
-    sessions behind each `gid`.
-    """
+    """A figure, the table of its numbers, and the sessions behind each `gid`."""
 
-    name: str
-    title: str
     figure: Figure
     numbers: Table
     behind: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
 
+    @property
+    def name(self) -> str:
+        return self.numbers.name
 
-# matplotlib's settings are the process's, and pages draw in threads
+    @property
+    def title(self) -> str:
+        return self.numbers.title
+
+
+# matplotlib's settings are global, and pages draw in threads
 _ONE_AT_A_TIME = threading.RLock()
-_PLAIN = {
-    key: value
-    for key, value in rcParamsDefault.items()
-    if not key.startswith(("backend", "webagg", "toolbar"))
-}
 
 
 @contextmanager
 def house_style() -> Iterator[None]:
-    """Draw and save in the house's style, whatever the machine's own settings are."""
-    settings: Any = {**_PLAIN, **_STYLE}
-    with _ONE_AT_A_TIME, rc_context(rc=settings):
+    """Draw and save in the style of all figures, whatever the machine's own settings are."""
+    with _ONE_AT_A_TIME, style.context(["default", _STYLE]):
         yield
 
 
 def drawn_of_whom(drawing: Drawing, people: Sequence[ParticipantRecord]) -> Drawing:
-    """Return a figure that says of whom it is where that is not participants alone, in its title
-    and above what is drawn.
-    """
-    title = title_of(people)
-    if not title:
-        return drawing
-    with house_style():
-        drawing.figure.suptitle(title, fontsize=SMALL, fontweight="bold")
-    numbers = of_whom(drawing.numbers, people)
-    return replace(drawing, title=f"{title}: {drawing.title}", numbers=numbers)
+    """Return a figure that names its kinds of participants, unless they are participants alone."""
+    if title := title_of(people):
+        with house_style():
+            drawing.figure.suptitle(title, fontsize=SMALL, fontweight="bold")
+    return replace(drawing, numbers=of_whom(drawing.numbers, people))
 
 
 def as_svg(drawing: Drawing) -> bytes:
-    """Return a figure as SVG. Its text is text, in fonts as wide as the one that was drawn with."""
     svg = _saved(drawing, "svg", {"Date": None, "Creator": None, "Title": drawing.title})
     return svg.replace(_FONT, _FONT + b", Verdana, sans-serif")
 
 
 def as_pdf(drawing: Drawing) -> bytes:
-    """Return a figure as PDF."""
-    return _saved(
-        drawing,
-        "pdf",
-        {"CreationDate": None, "Creator": None, "Producer": None, "Title": drawing.title},
-    )
+    about = {"CreationDate": None, "Creator": None, "Producer": None, "Title": drawing.title}
+    return _saved(drawing, "pdf", about)
 
 
 def as_png(drawing: Drawing, dpi: int = PRINT_DPI) -> bytes:
-    """Return a figure as PNG, for print unless fewer dots an inch are asked for."""
     return _saved(drawing, "png", {"Software": None, "Title": drawing.title}, dpi)
 
 
-def colours_of(values: int) -> tuple[str, ...]:
-    """Return the colours of a scale of so many values, from the least to the greatest."""
-    if values in SCALE:
-        return SCALE[values]
-    blend = LinearSegmentedColormap.from_list("scale", SCALE[7])
-    return tuple(to_hex(blend(place / max(1, values - 1))) for place in range(values))
+def panels(count: int, columns: int, height: float) -> tuple[Figure, list[Axes]]:
+    figure = Figure(figsize=(WIDTH, height), layout="constrained")
+    axes = figure.subplots(ceil(count / columns), columns, squeeze=False).ravel().tolist()
+    for empty in axes[count:]:
+        empty.set_axis_off()
+    return figure, axes[:count]
 
 
 def _saved(

@@ -1,9 +1,8 @@
-"""The scores of a questionnaire as a figure: a panel a scale, a row a condition and robot, with
-each participant, the mean and its 95 % confidence interval.
-"""
+"""The scores of a questionnaire: a panel a scale, with participants, means and their intervals."""
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
+from itertools import cycle
 from math import ceil
 from textwrap import fill
 
@@ -12,101 +11,81 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.figures.drawing import (
     FAINT,
     INK,
     MARKERS,
     ROBOTS,
-    WIDTH,
+    Behind,
     Drawing,
     house_style,
+    panels,
 )
 from experiments.analysis.tables.scored_responses import (
     ScoredQuestionnaire,
     ScoreGroup,
+    mean_scores,
     scored_questionnaires,
 )
 from experiments.analysis.tables.scores import HEAD, label_of_scale, scores_table
 from experiments.analysis.tables.table import Table, TableCell
+from experiments.dataset.columns import Floats
+from experiments.dataset.records import Dataset
 from surveys.scoring import ScoredScale
 
 ROW, AROUND = 0.3, 0.62  # inches: of a condition, and of a panel beside its rows
 DEPTH = 0.12  # of a row that equal scores fill, in rows
 BELOW = 0.3  # of a row, from the mean to the dots of the participants
 DRAWN = (
-    "Large markers are means, bars their 95 % confidence intervals by Student's t distribution, and"
-    " each small dot below is a participant."
+    "Large markers are means, bars their 95 % confidence intervals (CI95, below), and each small"
+    " dot is a participant."
 )
 LABEL, NO_CONDITION = 40, "all"  # characters of a line of a condition's name
 TALLEST = 9.0  # inches: what a page has room for; two columns of panels where one would be higher
 TITLE, TITLE_LINE = (95, 42), 0.15  # characters of a line of a panel's title, and its inches
-Behind = dict[str, tuple[str, ...]]
 
 
 def score_figures(dataset: Dataset) -> Iterator[Drawing]:
     """Yield a figure for each scored questionnaire that was answered."""
     for found in scored_questionnaires(dataset):
-        yield score_figure(dataset, found)
+        table = scores_table(dataset, found)
+        title = f"{table.title.removesuffix('.')}: participants, mean and 95 % confidence interval."
+        name = f"figure-scores-{found.definition.slug}"
+        with house_style():
+            figure, behind = _draw(dataset, found, table)
+        numbers = Table(name, title, HEAD, table.rows, (DRAWN, *table.notes))
+        yield Drawing(figure, numbers, behind)
 
 
-def score_figure(dataset: Dataset, found: ScoredQuestionnaire) -> Drawing:
-    """Return a panel for each scale; the colours are those of the robots."""
-    table = scores_table(dataset, found)
-    name = f"figure-scores-{found.definition.slug}"
-    title = f"{table.title.removesuffix('.')}: participants, mean and 95 % confidence interval."
+def _draw(dataset: Dataset, found: ScoredQuestionnaire, table: Table) -> tuple[Figure, Behind]:
     robots = sorted({group.robot for group in found.groups})
-    looks = {
-        robot: (ROBOTS[at % len(ROBOTS)], MARKERS[at % len(MARKERS)])
-        for at, robot in enumerate(robots)
-    }
-    rows = len(found.groups)
-    behind: Behind = {}
-    with house_style():
-        figure, axes, columns = _panels(len(found.scales), rows)
-        for at, (scale, panel) in enumerate(zip(found.scales, axes, strict=True)):
-            own = table.rows[at * rows : (at + 1) * rows]
-            label = label_of_scale(dataset, found.definition, scale)
-            panel.set_title(fill(label, TITLE[columns - 1]), loc="left", fontsize=10.0 - columns)
-            _frame(panel, scale, found.groups)
-            for place, (group, cells) in enumerate(zip(found.groups, own, strict=True)):
-                behind |= _draw_group(panel, place, scale, group, cells, looks[group.robot])
-            if at % columns:
-                panel.tick_params(labelleft=False)  # the panel beside it names the conditions
-        _share_limits(list(axes), found.scales)
-        handles = [
-            Line2D(
-                [],
-                [],
-                color=looks[robot][0],
-                marker=looks[robot][1],
-                label=dataset.robot(robot).title,
-            )
-            for robot in robots
-        ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=len(robots))
-    return Drawing(
-        name, title, figure, Table(name, title, HEAD, table.rows, (DRAWN, *table.notes)), behind
-    )
-
-
-def _panels(count: int, rows: int) -> tuple[Figure, list[Axes], int]:
-    """Return a figure with so many panels of so many rows each, and its columns: no higher than a
-    page, if two are enough for that.
-    """
+    looks = dict(zip(robots, zip(cycle(ROBOTS), cycle(MARKERS), strict=False), strict=False))
+    count, rows = len(found.scales), len(found.groups)
+    # no higher than a page, if two columns are enough for that
     columns = 1 if 0.4 + count * (AROUND + ROW * rows) <= TALLEST else 2
-    lines = ceil(count / columns)
-    around = AROUND + (columns - 1) * TITLE_LINE
-    height = 0.4 + lines * (around + ROW * rows)
-    figure = Figure(figsize=(WIDTH, height), layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
-    for empty in axes[count:]:
-        empty.set_axis_off()
-    return figure, axes[:count], columns
+    line = AROUND + (columns - 1) * TITLE_LINE + ROW * rows
+    figure, axes = panels(count, columns, 0.4 + ceil(count / columns) * line)
+    behind: Behind = {}
+    for at, (scale, panel) in enumerate(zip(found.scales, axes, strict=True)):
+        own = table.rows[at * rows : (at + 1) * rows]
+        label = label_of_scale(dataset, found.definition, scale)
+        panel.set_title(fill(label, TITLE[columns - 1]), loc="left", fontsize=10.0 - columns)
+        _frame(panel, scale, found.groups)
+        for place, (group, cells) in enumerate(zip(found.groups, own, strict=True)):
+            behind |= _draw_group(panel, place, scale, group, cells, looks[group.robot])
+        if at % columns:
+            panel.tick_params(labelleft=False)  # the panel beside it names the conditions
+    _share_limits(axes, found.scales)
+    handles = [
+        Line2D([], [], color=colour, marker=marker, label=dataset.robot(robot).title)
+        for robot, (colour, marker) in looks.items()
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(robots))
+    return figure, behind
 
 
 def _share_limits(axes: Sequence[Axes], scales: Sequence[ScoredScale]) -> None:
-    """Let panels whose scales have the same ends show the same range, with all intervals."""
+    """Show the same range, with all intervals, in panels whose scales have the same ends."""
     for bounds in {scale.bounds for scale in scales}:
         own = [panel for panel, scale in zip(axes, scales, strict=True) if scale.bounds == bounds]
         low = min(panel.get_xlim()[0] for panel in own)
@@ -120,9 +99,8 @@ def _frame(axes: Axes, scale: ScoredScale, groups: Sequence[ScoreGroup]) -> None
     least, greatest = scale.bounds
     margin = 0.02 * (greatest - least)
     axes.set_xlim(least - margin, greatest + margin)
-    axes.set_yticks(
-        range(len(groups)), [fill(group.title or NO_CONDITION, LABEL) for group in groups]
-    )
+    labels = [fill(group.title or NO_CONDITION, LABEL) for group in groups]
+    axes.set_yticks(range(len(groups)), labels)
     axes.set_ylim(len(groups) - 0.4, -0.5)
     axes.tick_params(axis="y", length=0)
     axes.grid(axis="x", color=FAINT, linewidth=0.4)
@@ -137,12 +115,12 @@ def _draw_group(
     cells: Sequence[TableCell],
     look: tuple[str, str],
 ) -> Behind:
-    """Draw a row of the table, and return what is behind its mean."""
+    """Draw a row of the table, and return the sessions behind its mean."""
     mean, low, high = (cells[HEAD.index(name)].value for name in ("Mean", "CI95: from", "CI95: to"))
     if mean is None:
         axes.text(scale.bounds[0], at, "no scores", va="center", fontsize=7, color=INK)
         return {}
-    x, (colour, shape) = sorted(group.scores(scale).values()), look
+    x, (colour, shape) = sorted(mean_scores(group.responses, scale).values()), look
     axes.scatter(x, at + BELOW + _offsets(x), s=8, color=colour, alpha=0.6, linewidths=0, zorder=2)
     if low is not None and high is not None:
         axes.plot((low, high), (at, at), color=INK, linewidth=1.4, zorder=3)
@@ -156,8 +134,8 @@ def _draw_group(
     return {gid: group.behind(scale)}
 
 
-def _offsets(values: Sequence[float]) -> "np.ndarray[tuple[int], np.dtype[np.float64]]":
-    """Return where points stand in their row: equal ones beside each other, in rows' heights."""
+def _offsets(values: Sequence[float]) -> Floats:
+    """Return the offsets of points in their row, in rows: equal ones are beside each other."""
     total, seen, found = Counter(values), Counter[float](), []
     for value in values:
         n = total[value]

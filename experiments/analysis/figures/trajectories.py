@@ -1,6 +1,4 @@
-"""Figures 6 and 7 of the paper: the workspace with the suggested paths, and the trajectories that
-were driven, a panel a robot.
-"""
+"""Figures 6 and 7 of the paper: the workspace with the suggested paths, and the trajectories."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -13,27 +11,23 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from experiments.analysis.dataset.records import Dataset, Floats
+from experiments.analysis.figures import floor
 from experiments.analysis.figures.drawing import (
     DASHES,
     INK,
     POSITIVE,
     ROBOTS,
     WIDTH,
+    Behind,
     Drawing,
+    Look,
     house_style,
-)
-from experiments.analysis.figures.floor import (
-    BELOW,
-    draw_checkpoint,
-    draw_dock,
-    draw_plan,
-    thinned,
-    view_of,
-    whole_of,
+    panels,
 )
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.tables.table import Table, amount, count, number, words
+from experiments.analysis.tables.table import Table, amount, number, words
+from experiments.dataset.columns import Floats
+from experiments.dataset.records import Dataset
 from experiments.definition.feasibility import dock_of
 from experiments.definition.schema import Course
 
@@ -44,108 +38,87 @@ TITLE = 100  # characters of a line over the whole width
 
 
 def figure_6(dataset: Dataset, site: str) -> Drawing:
-    """Return the workspace of a site with each course's checkpoints and suggested path."""
+    """Draw the workspace of a site with each course's checkpoints and suggested path."""
     courses = [course for course in dataset.study.courses if course.site == site]
-    title = "Schematic map of the robot workspace with the suggested paths and the charging points."
     with house_style():
         figure = Figure(figsize=(WIDTH, _height(dataset, site)), layout="constrained")
         axes = figure.subplots()
         if site in dataset.plans:
-            draw_plan(axes, dataset.plans[site])
+            floor.draw_plan(axes, dataset.plans[site])
         for index, course in enumerate(courses):
             _draw_course(axes, dataset, course, index)
         if courses:
-            figure.legend(
-                *axes.get_legend_handles_labels(),
-                loc="outside lower center",
-                ncols=3,
-                handlelength=3.0,
-            )
-    rows = tuple(
-        (
-            words(course.robot),
-            words(site),
-            words("checkpoint"),
-            count(stop.number),
-            number(stop.x),
-            number(stop.y),
-        )
+            handles = axes.get_legend_handles_labels()
+            figure.legend(*handles, loc="outside lower center", ncols=3, handlelength=3.0)
+    stops = (
+        (course.robot, site, "checkpoint", stop.number, number(stop.x), number(stop.y))
         for course in courses
         for stop in course.checkpoints
-    ) + tuple(
-        (words(course.robot), words(site), words("path"), count(index), number(x), number(y))
+    )
+    paths = (
+        (course.robot, site, "path", index, number(x), number(y))
         for course in courses
         for index, (x, y) in enumerate(course.path)
     )
-    return Drawing(
-        f"figure-6-{site}",
-        title,
-        figure,
-        Table(f"figure-6-{site}", title, ("robot", "site", "what", "number", "x", "y"), rows),
-    )
+    title = "Schematic map of the robot workspace with the suggested paths and the charging points."
+    head = ("robot", "site", "what", "number", "x", "y")
+    return Drawing(figure, Table.of(f"figure-6-{site}", title, head, (*stops, *paths)))
 
 
 def _draw_course(axes: Axes, dataset: Dataset, course: Course, index: int) -> None:
     colour, dash = ROBOTS[index % len(ROBOTS)], DASHES[index % len(DASHES)]
-    name = next((one.title for one in dataset.robots if one.series == course.robot), course.robot)
-    points = np.array(
-        course.path or [(stop.x, stop.y) for stop in (*course.checkpoints, course.checkpoints[0])]
-    )
-    axes.plot(
-        points[:, 0],
-        points[:, 1],
-        color=colour,
-        linestyle=dash,
-        linewidth=1.6,
-        label=f"suggested path of {name}",
-        zorder=5,
-        gid=f"path-{course.robot}",
-    )
+    name = _robot_name(dataset, course.robot)
+    stops = [(stop.x, stop.y) for stop in (*course.checkpoints, course.checkpoints[0])]
+    xs, ys = np.array(course.path or stops).T
+    look = Look(color=colour, linestyle=dash, linewidth=1.6, zorder=5)
+    label, gid = f"suggested path of {name}", f"path-{course.robot}"
+    axes.plot(xs, ys, **look, label=label, gid=gid)
     plan = dataset.plans.get(course.site)
     dock = dock_of(course, plan) if plan is not None else None
     if dock is not None:
-        draw_dock(axes, dock, name, colour)
+        floor.draw_dock(axes, dock, name, colour)
     for stop in course.checkpoints:
-        draw_checkpoint(axes, stop, colour)
+        floor.draw_checkpoint(axes, stop, colour)
+
+
+def _robot_name(dataset: Dataset, series: str) -> str:
+    return next((one.title for one in dataset.robots if one.series == series), series)
 
 
 def figure_7(dataset: Dataset, measured: Sequence[Measured]) -> Drawing:
-    """Return all trajectories over the floor plan, a panel a robot, site and condition, each with
-    the same part of the plan as the others of its site; nobody's is a figure as well.
+    """Draw all trajectories, a panel a robot, site and condition, with one view for each site; one
+    panel without trajectories if there are none.
     """
-    title = "Trajectories followed by the robots, by condition."
-    ways = {one.session.id: thinned(one.way) for one in measured}
-    panels = _panels(dataset, measured)
+    ways = {one.session.id: floor.thinned(one.positions) for one in measured}
+    found = _panels(dataset, measured)
     views = {
-        site: view_of(dataset.plans[site], _shown(dataset, panels, ways, site))
-        for site in {panel.site for panel in panels} & set(dataset.plans)
+        site: floor.view_of(dataset.plans[site], _shown(dataset, found, ways, site))
+        for site in {panel.site for panel in found} & set(dataset.plans)
     }
-    behind: dict[str, tuple[str, ...]] = {}
+    behind: Behind = {}
     with house_style():
-        figure, axes, columns = _grid([views.get(panel.site) for panel in panels])
-        for panel, place in zip(panels, axes, strict=False):
+        columns, height = _layout([views.get(panel.site) for panel in found])
+        figure, axes = panels(max(1, len(found)), columns, height)
+        for empty in axes[len(found) :]:
+            empty.set_axis_off()
+        for panel, place in zip(found, axes, strict=False):
             behind |= _draw_panel(place, dataset, panel, ways, views.get(panel.site))
             place.set_title(_panel_title(dataset, panel, columns), loc="left", fontsize=7.5)
-    rows = tuple(
-        (
-            words(one.session.id, (one.session.id,)),
-            words(one.session.robot),
-            words(one.session.outcome),
-            number(float(x), 3),
-            number(float(y), 3),
-        )
-        for one in measured
-        for x, y in ways[one.session.id].tolist()
+    rows = (
+        (words(one.id, (one.id,)), one.robot, one.outcome, number(x, 3), number(y, 3))
+        for one in (drive.session for drive in measured)
+        for x, y in ways[one.id].tolist()
     )
-    head = ("session", "robot", "outcome", "x", "y")
-    return Drawing("figure-7", title, figure, Table("figure-7", title, head, rows), behind)
+    title, head = "Trajectories followed by the robots, by condition.", ("session", "robot")
+    numbers = Table.of("figure-7", title, (*head, "outcome", "x", "y"), rows)
+    return Drawing(figure, numbers, behind)
 
 
 @dataclass(frozen=True)
 class TrajectoryPanel:
-    """The sessions of one condition on one course, and the letter of their panel."""
+    """The sessions of one condition on one course, and the label of their panel."""
 
-    letter: str
+    label: str
     site: str
     series: str
     condition: str
@@ -153,12 +126,10 @@ class TrajectoryPanel:
 
 
 def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPanel]:
-    """Return the panels in the order of the courses and the conditions of the study; the first
-    course's without sessions where there are none.
-    """
+    """Return the panels in the order of courses and conditions; an empty one without sessions."""
     groups: dict[tuple[str, str, str], list[Measured]] = {}
     for one in measured:
-        if len(one.way):
+        if len(one.positions):
             series = dataset.robot(one.session.robot).series
             key = (one.session.site, series, one.session.condition)
             groups.setdefault(key, []).append(one)
@@ -168,55 +139,46 @@ def _panels(dataset: Dataset, measured: Sequence[Measured]) -> list[TrajectoryPa
     if not keys:
         return [TrajectoryPanel("a", *course, "", ()) for course in courses[:1]]
     return [
-        TrajectoryPanel(letter, *key, tuple(groups[key]))
-        for letter, key in zip(cycle(ascii_lowercase), keys, strict=False)
+        TrajectoryPanel(label, *key, tuple(groups[key]))
+        for label, key in zip(cycle(ascii_lowercase), keys, strict=False)
     ]
 
 
 def _shown(
     dataset: Dataset, panels: Sequence[TrajectoryPanel], ways: Mapping[str, Floats], site: str
 ) -> list[Floats]:
-    """Return what the panels of a site have to show: trajectories, and the checkpoints of those
-    courses that were driven.
-    """
+    """Return the trajectories of a site's panels, and the checkpoints of courses in use."""
     here = [panel for panel in panels if panel.site == site and panel.own]
-    driven = {panel.series for panel in here}
-    courses = [one for one in dataset.study.courses if one.site == site and one.robot in driven]
+    series = {panel.series for panel in here}
+    courses = [one for one in dataset.study.courses if one.site == site and one.robot in series]
     stops = [np.array([(stop.x, stop.y)]) for one in courses for stop in one.checkpoints]
     return [*(ways[one.session.id] for panel in here for one in panel.own), *stops]
 
 
-def _grid(views: Sequence[Floats | None]) -> tuple[Figure, list[Axes], int]:
-    """Return a figure with a panel for each view, in as few columns as fit on a page, and these; a
-    square of panels is made to fit.
+def _layout(views: Sequence[Floats | None]) -> tuple[int, float]:
+    """Return the fewest columns that fit on a page with a panel for each view, and the inches of
+    the height; a square of panels is made to fit.
     """
     sizes = [np.ptp(view, axis=0) for view in views if view is not None]
-    ratio = max((float(size[1] / size[0]) + BELOW for size in sizes), default=BARE)
+    ratio = max((float(size[1] / size[0]) + floor.BELOW for size in sizes), default=BARE)
     count = max(1, len(views))
     for columns in range(min(2, count), MOST_COLUMNS + 1):
-        lines = math.ceil(count / columns)
-        height = lines * (WIDTH / columns * ratio + ABOVE_PANEL)
+        height = math.ceil(count / columns) * (WIDTH / columns * ratio + ABOVE_PANEL)
         if height <= TALLEST or count <= columns**2:
             break
-    figure = Figure(figsize=(WIDTH, min(height, TALLEST)), layout="constrained")
-    axes = figure.subplots(lines, columns, squeeze=False).ravel().tolist()
-    for empty in axes[len(views) :]:
-        empty.set_axis_off()
-    return figure, axes, columns
+    return columns, min(height, TALLEST)
 
 
 def _panel_title(dataset: Dataset, panel: TrajectoryPanel, columns: int) -> str:
-    """Return the letter, the robot unless the condition begins with it, the condition, and below
-    how many drove.
-    """
-    name = next((one.title for one in dataset.robots if one.series == panel.series), panel.series)
-    called = {one.key: dataset.say(one.title) for one in dataset.study.conditions}
-    condition = called.get(panel.condition, panel.condition)
+    """Return label, robot (unless the condition begins with it), condition, and amounts."""
+    name = _robot_name(dataset, panel.series)
+    titles = {one.key: dataset.say(one.title) for one in dataset.study.conditions}
+    condition = titles.get(panel.condition, panel.condition)
     people = len({one.session.participant for one in panel.own})
-    driven = f"{amount(len(panel.own), 'session')} of {amount(people, 'participant')}"
+    amounts = f"{amount(len(panel.own), 'session')} of {amount(people, 'participant')}"
     shown = condition if condition.startswith(name) else ": ".join(filter(None, (name, condition)))
-    head = f"({panel.letter}) {shown}"
-    return f"{fill(head, TITLE // columns)}\n{driven}"
+    head = f"({panel.label}) {shown}"
+    return f"{fill(head, TITLE // columns)}\n{amounts}"
 
 
 def _draw_panel(
@@ -225,35 +187,27 @@ def _draw_panel(
     panel: TrajectoryPanel,
     ways: Mapping[str, Floats],
     view: Floats | None,
-) -> dict[str, tuple[str, ...]]:
+) -> Behind:
     if view is not None:
-        draw_plan(axes, dataset.plans[panel.site], furniture=False, view=view)
-    for found in panel.own:
-        way = ways[found.session.id]
-        axes.plot(
-            way[:, 0],
-            way[:, 1],
-            color=POSITIVE,  # dark enough for a faint thin line in a grey print
-            linewidth=0.45,
-            alpha=_faintness(len(panel.own)),
-            zorder=2.5,
-            gid=f"session-{found.session.id}",
-        )
+        floor.draw_plan(axes, dataset.plans[panel.site], furniture=False, view=view)
+    # many lines are faint, so that places where most went are dark
+    alpha = float(np.clip(2.0 / max(1, len(panel.own)) ** 0.5, 0.15, 0.9))
+    behind: Behind = {f"session-{one.session.id}": (one.session.id,) for one in panel.own}
+    for gid, (session, *_) in behind.items():
+        xs, ys = ways[session].T
+        # dark enough for a faint thin line in a grey print
+        look = Look(color=POSITIVE, linewidth=0.45, alpha=alpha, zorder=2.5)
+        axes.plot(xs, ys, **look, gid=gid)
     where = (panel.site, panel.series)
     course = next((one for one in dataset.study.courses if (one.site, one.robot) == where), None)
     for stop in course.checkpoints if course else ():
-        draw_checkpoint(axes, stop, INK)
-    return {f"session-{found.session.id}": (found.session.id,) for found in panel.own}
-
-
-def _faintness(lines: int) -> float:
-    """Many lines are faint, so that where most went is dark."""
-    return float(np.clip(2.0 / max(1, lines) ** 0.5, 0.15, 0.9))
+        floor.draw_checkpoint(axes, stop, INK)
+    return behind
 
 
 def _height(dataset: Dataset, site: str) -> float:
     plan = dataset.plans.get(site)
     if plan is None:
         return 3.0
-    width, height = np.ptp(whole_of(plan), axis=0).tolist()
-    return float(np.clip(WIDTH * (height / width + BELOW), 2.0, 8.0)) + 0.35
+    width, height = np.ptp(floor.whole_of(plan), axis=0).tolist()
+    return float(np.clip(WIDTH * (height / width + floor.BELOW), 2.0, 8.0)) + 0.35

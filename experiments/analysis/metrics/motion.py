@@ -1,8 +1,5 @@
-"""What a robot did, from its states: how far, how fast, how often it stood, how close it came to
-things. Pure arrays.
-
-Durations come from the robot's own clock within one run of its agent, because clocks of two
-machines drift apart.
+"""How a robot drove, from its states as arrays. Durations are by the robot's clock within one run
+of its agent, because clocks of two machines drift apart.
 """
 
 import math
@@ -11,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from experiments.analysis.dataset.records import Columns, Floats
-from experiments.analysis.metrics.path import DrivenPath, driven_path, turned
-from sessions.recording.sequence_tracker import WIDEST
+from experiments.analysis.metrics.path import driven_path, turned
+from experiments.dataset.columns import Columns, Floats
+from sessions.recording.sequence_tracker import MAX_GAP
 
 STANDING, GOING = 0.02, 0.05  # m/s
 TURNING = 0.05  # rad/s
@@ -36,7 +33,6 @@ class Trajectory:
 
     @classmethod
     def of(cls, states: Columns) -> "Trajectory":
-        """Return the track of states in the order in which they were made."""
         offset = states["clock_offset"]
         known = offset[np.isfinite(offset)]
         at = states["stamp"] - (float(np.median(known)) if known.size else 0.0)
@@ -49,144 +45,98 @@ class Trajectory:
         inside = ~(self.at < start) & ~(self.at > end)
         lasts = self.lasts[inside]
         lasts[-1:] = 0.0
-        return Trajectory(
-            Columns(self.states.layout, self.states.values[inside]), self.at[inside], lasts
-        )
+        return Trajectory(self.states[inside], self.at[inside], lasts)
 
     def __len__(self) -> int:
         return len(self.states)
 
     def gaps(self) -> Floats:
-        """Return the lengths of the holes between its states in seconds, those longer than
-        GAP_SECONDS.
-        """
+        """Return how many seconds each hole between its states lasts that is a gap."""
         steps = np.diff(self.at)
         return steps[steps > GAP_SECONDS]
 
     def missing(self) -> int:
-        """Return how many states are missing by their numbers, which have no holes within a run; a
-        hole wider than any agent keeps is a robot that counts strangely.
+        """Return how many states are missing by their numbers, which have no holes within a run;
+        wider holes than any agent keeps are not counted.
         """
         skipped = np.diff(self.states["seq"]) - 1.0
         alike = np.diff(self.states["boot"]) == 0.0
-        return int(skipped[alike & (skipped > 0.0) & (skipped < WIDEST)].sum())
+        return int(skipped[alike & (skipped > 0.0) & (skipped < MAX_GAP)].sum())
 
     def share_seen(self, seconds: float) -> float:
         """Return the share of a time, in seconds, of which there are states; NaN of no time."""
         return min(1.0, float(self.lasts.sum()) / seconds) if seconds > 0.0 else math.nan
 
     def rate(self) -> float:
-        """Return how many states there were a second, from the first to the last; NaN with fewer
-        than two.
-        """
+        """Return the states a second, from the first to the last; NaN with fewer than two."""
         seconds = float(self.at[-1] - self.at[0]) if len(self) > 1 else 0.0
         return (len(self) - 1) / seconds if seconds > 0.0 else math.nan
 
 
-@dataclass(frozen=True)
-class DriveMotion:
-    """How a robot was driven while it was seen: metres, seconds, radians, m/s."""
-
-    way: DrivenPath
-    rotation: float
-    moving: float
-    idle: float
-    seconds: float
-    stops: int
-    collisions: int
-    near_collisions: int
-    near_seconds: float
-    least_clearance: float
-
-    @property
-    def path(self) -> float:
-        """Metres that it drove."""
-        return self.way.length
-
-    @property
-    def path_by_odometry(self) -> bool:
-        """Tell whether that is by odometry, or by the position."""
-        return self.way.by_odometry
-
-    @property
-    def path_unseen(self) -> float:
-        """Metres that it drove at least while it was not seen."""
-        return self.way.unseen
-
-    @property
-    def slipped(self) -> float:
-        """Metres that only the wheels turned."""
-        return self.way.slipped
-
-    @property
-    def jumps(self) -> int:
-        """How often it found itself somewhere that it did not drive to."""
-        return self.way.jumps
-
-    @property
-    def speed(self) -> float:
-        """Mean speed over all of the time that was seen."""
-        return self.path / self.seconds if self.seconds > 0.0 else math.nan
-
-    @property
-    def moving_speed(self) -> float:
-        """Mean speed while it moved."""
-        return self.path / self.moving if self.moving > 0.0 else math.nan
-
-
-def drive(track: Trajectory) -> DriveMotion:
-    """Return how a robot was driven along a track."""
-    states = track.states
-    seen = track.lasts > 0.0
-    going = np.abs(states["linear"]) > STANDING
-    turning = np.abs(states["angular"]) > TURNING
-    near, begun = _near(states["clearance"])
+def drive(track: Trajectory) -> dict[str, float]:
+    """Return the metrics of driving (metrics.csv) of a track, for the time that has states."""
+    states, seconds = track.states, track.lasts
+    seen = seconds > 0.0
+    is_moving = (np.abs(states["linear"]) > STANDING) | (np.abs(states["angular"]) > TURNING)
+    near, near_collisions = _near(states["clearance"], states["docked"] == 1.0)
     clearance = states["clearance"][np.isfinite(states["clearance"])]
-    return DriveMotion(
-        way=driven_path(
-            np.column_stack((states["x"], states["y"])),
-            np.where(states["by_position"] == 1.0, np.nan, states["distance"]),
-            track.at,
-            seen,
-            states["localized"] != 0.0,
-        ),
-        rotation=turned(states["theta"], track.at, seen),
-        moving=float(track.lasts[going | turning].sum()),
-        idle=float(track.lasts[~(going | turning)].sum()),
-        seconds=float(track.lasts.sum()),
-        stops=_stops(np.abs(states["linear"]), track.at),
-        collisions=int(np.nansum(states["contacts"])),
-        near_collisions=begun,
-        near_seconds=float(track.lasts[near].sum()),
-        least_clearance=float(clearance.min()) if clearance.size else math.nan,
+    path = driven_path(
+        np.column_stack((states["x"], states["y"])),
+        np.where(states["distance_by_position"] == 1.0, np.nan, states["distance"]),
+        track.at,
+        seen,
+        states["localized"] != 0.0,
     )
+    return {
+        "path": path.length,
+        "path_by_odometry": float(path.by_odometry),
+        "path_unseen": path.unseen,
+        "slipped": path.slipped,
+        "jumps": float(path.jumps),
+        "speed": _ratio(path.length, float(seconds.sum())),
+        "moving_speed": _ratio(path.length, float(seconds[is_moving].sum())),
+        "rotation": turned(states["theta"], track.at, seen),
+        "idle": float(seconds[~is_moving].sum()),
+        "stops": float(_stops(np.abs(states["linear"]), track.at, ~seen)),
+        "collisions": float(np.nansum(states["contacts"])),
+        "near_collisions": float(near_collisions),
+        "near_seconds": float(seconds[near].sum()),
+        "least_clearance": float(clearance.min()) if clearance.size else math.nan,
+    }
 
 
-def _stops(speed: Floats, at: Floats) -> int:
-    """Count how often a robot that went faster than GOING stood for STOP_SECONDS."""
+def _ratio(amount: float, of: float) -> float:
+    return amount / of if of > 0.0 else math.nan
+
+
+def _stops(speed: Floats, at: Floats, gap_follows: Bools) -> int:
+    """Count standstills of STOP_SECONDS without a gap, each after a speed above GOING."""
     known = np.isfinite(speed)
-    speed, at = speed[known], at[known]
+    stretch: npt.NDArray[np.intp] = np.cumsum(gap_follows) - gap_follows
+    speed, at, stretch = speed[known], at[known], stretch[known]
     if not speed.size:
         return 0
-    standing = speed < STANDING
-    edges = np.flatnonzero(np.diff(standing)) + 1
+    is_still = speed < STANDING
+    edges = np.flatnonzero(np.diff(is_still) | (np.diff(stretch) > 0)) + 1
     starts = np.concatenate(([0], edges))
     ends = np.concatenate((edges, [len(speed)])) - 1
     count, went = 0, False
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        if not standing[start]:
+        if not is_still[start]:
             went = went or bool((speed[start : end + 1] > GOING).any())
         elif went and at[end] - at[start] >= STOP_SECONDS:
             count, went = count + 1, False
     return count
 
 
-def _near(clearance: Floats) -> tuple[Bools, int]:
+def _near(clearance: Floats, docked: Bools) -> tuple[Bools, int]:
     """Return where the robot was near something, (n,), and how often that began; an unknown
-    clearance changes nothing.
+    clearance changes nothing. Stretches in which it was docked do not count: its station is near.
     """
-    told = np.where(clearance < NEAR, 1, np.where(clearance > CLEAR, 0, -1))
-    told[0:1] = np.maximum(told[0:1], 0)
-    held = np.maximum.accumulate(np.where(told >= 0, np.arange(len(told)), 0))
-    near = told[held] == 1
-    return near, int(near[:1].sum() + (np.diff(near.astype(np.int8)) == 1).sum())
+    reported = np.where(clearance < NEAR, 1, np.where(clearance > CLEAR, 0, -1))
+    reported[0:1] = np.maximum(reported[0:1], 0)
+    held = np.maximum.accumulate(np.where(reported >= 0, np.arange(len(reported)), 0))
+    near = reported[held] == 1
+    stretch = np.cumsum(np.diff(near, prepend=False))  # of states alike, numbered
+    near &= ~np.isin(stretch, stretch[docked & near])
+    return near, int((np.diff(near.astype(np.int8), prepend=0) == 1).sum())

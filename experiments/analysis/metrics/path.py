@@ -1,16 +1,17 @@
-"""How far a robot drove while its states were seen: by its odometry where it has one, by its
-position otherwise, from which measuring noise is taken first.
+"""How far a robot drove while its states were seen: by its odometry where it has one, otherwise by
+its position, less the measurement noise.
 
 A position that trembles while the robot stands would add a step at every state. So positions go
 through the smoother of a body whose velocity changes at random (Rauch, Tung and Striebel 1965,
-*Maximum likelihood estimates of linear dynamic systems*), solved as the penalized least squares of
-Whittaker (1923) and Eilers (2003, *A perfect smoother*), which give the same:
+*Maximum likelihood estimates of linear dynamic systems*), which is the cubic smoothing spline
+(Wahba 1978, *Improper priors, spline smoothing and the problem of guarding against model errors in
+regression*):
 
     minimize   sum |z_i - y_i|² / σ²   +   ∫ |z''|² dt / q
 
 Its σ is that of the session's own positions, by differences (Gasser, Sroka and Jennen-Steinmetz
-1986, *Residual variance and residual pattern in nonlinear regression*). What is left of the noise
-is less than a dead band of BAND times σ. Odometry does not tremble, but wheels slip: where they
+1986, *Residual variance and residual pattern in nonlinear regression*). The remaining noise
+is below a dead band of BAND times σ. Odometry does not tremble, but wheels slip: where they
 turned for much more than the position moved, the position counts.
 """
 
@@ -22,10 +23,11 @@ import numpy as np
 import numpy.typing as npt
 import scipy
 
-from experiments.analysis.dataset.records import Floats
+from experiments.dataset.columns import Floats
 
 DEAD_BAND = 0.01  # m: a position that trembles by less is never a way
 BAND = 3.0  # times the noise: after smoothing, no tremble is as wide
+LEAST_SMOOTHED = 5  # positions: a spline needs as many
 LEAST_NOISE = 0.001  # m, rad: less needs no smoothing
 SHORTEST_STEP = 0.02  # s: states closer together than this would weigh without bound
 # (m/s²)² s: a velocity that changes at random by 0.1 m/s in a second; the turn rate by 0.3 rad/s
@@ -42,9 +44,8 @@ Counts = npt.NDArray[np.intp]
 
 @dataclass(frozen=True)
 class DrivenPath:
-    """Metres: `length` of what was seen, `unseen` at least between what was seen, `slipped` of the
-    wheels alone. `by_odometry` tells which of the two the length is of; `jumps` are places that the
-    robot did not drive to.
+    """Metres: `length` in the time that has states, `unseen` at least in gaps, `slipped` by the
+    wheels alone. `by_odometry` tells what the length is by; `jumps` counts positions not driven to.
     """
 
     length: float
@@ -56,8 +57,8 @@ class DrivenPath:
 
 @dataclass(frozen=True)
 class PositionSteps:
-    """`steps`, (n,): metres that the filtered position moved up to each state since the one before;
-    `unseen` metres lie straight between pieces that were not seen together.
+    """Metres by which the smoothed position moved to each state, (n,); `unseen` lie straight over
+    gaps.
     """
 
     steps: Floats
@@ -69,9 +70,9 @@ class PositionSteps:
 def driven_path(
     position: Floats, odometer: Floats, at: Floats, seen: Bools, trusted: Bools
 ) -> DrivenPath:
-    """Return how far a robot drove: `position` is (n, 2) metres, `odometer` (n,) metres, NaN where
-    unknown, `at` (n,) seconds; `seen` is whether the time from each state to the next was seen,
-    `trusted` whether the robot knew its position.
+    """Return how far a robot drove, from its positions, (n, 2) metres, and its odometer, (n,)
+    metres, NaN where unknown, at (n,) seconds. `seen`: whether the time to the next state was;
+    `trusted`: whether the robot knew its position.
     """
     moved = position_steps(position, at, seen)
     turned = np.diff(odometer, prepend=np.nan)
@@ -81,9 +82,12 @@ def driven_path(
         return DrivenPath(length, moved.unseen, 0.0, by_odometry=False, jumps=moved.jumps)
     wheels = np.maximum(np.nan_to_num(turned), 0.0)
     slipped = _slipped(wheels, moved, at, seen, trusted)
+    # A run's odometer only grows: over a gap it knows more than the straight line, over a restart
+    # nothing.
+    unseen = float(np.nansum(np.maximum(np.diff(odometer)[~seen[:-1]], 0.0)))
     return DrivenPath(
         length=float(wheels.sum()) - slipped,
-        unseen=_unseen_by_wheels(odometer, seen, moved.unseen),
+        unseen=max(moved.unseen, unseen),
         slipped=slipped,
         by_odometry=True,
         jumps=moved.jumps,
@@ -91,7 +95,7 @@ def driven_path(
 
 
 def position_steps(position: Floats, at: Floats, seen: Bools) -> PositionSteps:
-    """Return how far the position moved to each state, less what trembles; see `driven_path`."""
+    """Return how far the position moved to each state, without noise; see `driven_path`."""
     steps = np.zeros(len(at))
     known = np.flatnonzero(np.isfinite(position).all(axis=1))
     known = known[_is_new(position[known])]
@@ -104,7 +108,7 @@ def position_steps(position: Floats, at: Floats, seen: Bools) -> PositionSteps:
 
 
 def turned(theta: Floats, at: Floats, seen: Bools) -> float:
-    """Return how far a robot turned in radians, left and right added, less what trembles."""
+    """Return how far a robot turned in radians, left and right added, without noise."""
     known = np.flatnonzero(np.isfinite(theta))
     angle = np.full((len(theta), 1), np.nan)
     angle[known, 0] = np.unwrap(theta[known])
@@ -120,11 +124,9 @@ def turned(theta: Floats, at: Floats, seen: Bools) -> float:
 
 
 def noise_of(pieces: list[tuple[Floats, Floats]]) -> float:
-    """Return the standard deviation of the noise along one axis, from pieces of times, (n,), and
-    values, (n, axes), in the values' unit.
-
-    Each value is compared with the line through its neighbours (Gasser et al., formula 2.1); the
-    median of these residuals is not moved by corners and starts.
+    """Return the standard deviation of noise along one axis, from pieces of times, (n,), and
+    values, (n, axes): each value is compared with the line through its neighbours (Gasser et al.,
+    formula 2.1), and the median of these residuals is not moved by corners and starts.
     """
     residuals = [_residuals(*piece) for piece in pieces if len(piece[0]) > 2]
     found = np.abs(np.concatenate(residuals)) if residuals else np.empty(0)
@@ -139,32 +141,16 @@ def _residuals(at: Floats, values: Floats) -> Floats:
 
 
 def smoothed(at: Floats, values: Floats, noise: float, wander: float) -> Floats:
-    """Return values, (n, axes), without noise of a standard deviation in the values' unit; `wander`
-    is q above, the unit squared over s³.
-    """
-    n = len(at)
-    if n < 3 or noise < LEAST_NOISE:
+    """Return values, (n, axes), without noise of that standard deviation; `wander` is q above."""
+    if len(at) < LEAST_SMOOTHED or noise < LEAST_NOISE:
         return values
-    steps = np.maximum(np.diff(at), SHORTEST_STEP)
-    before, after = steps[:-1], steps[1:]
-    # z'' at state i is first·z[i-1] + middle·z[i] + last·z[i+1], and holds for half of both steps.
-    first, last = 2.0 / (before * (before + after)), 2.0 / (after * (before + after))
-    middle, weight = -(first + last), noise**2 / wander * (before + after) / 2.0
-    banded = np.zeros((3, n))  # 1 + D'WD: the diagonal, and the two below it
-    banded[0] = 1.0
-    banded[0, :-2] += weight * first**2
-    banded[0, 1:-1] += weight * middle**2
-    banded[0, 2:] += weight * last**2
-    banded[1, :-2] += weight * first * middle
-    banded[1, 1:-1] += weight * middle * last
-    banded[2, :-2] += weight * first * last
-    return np.asarray(scipy.linalg.solveh_banded(banded, values, lower=True))
+    apart = np.cumsum(np.maximum(np.diff(at, prepend=at[0]), SHORTEST_STEP))
+    spline = scipy.interpolate.make_smoothing_spline(apart, values, lam=noise**2 / wander)
+    return np.asarray(spline(apart))
 
 
 def steps_of(values: Floats, band: float) -> Floats:
-    """Return how far a point, (n, axes), moved up to each state, (n,): nothing before it is `band`
-    away from where it last counted.
-    """
+    """Return how far a point, (n, axes), moved to each state, (n,), in steps of `band` or more."""
     steps = np.zeros(len(values))
     rows = values.tolist()
     last = rows[0] if rows else []
@@ -176,7 +162,7 @@ def steps_of(values: Floats, band: float) -> Floats:
 
 
 def _is_new(values: Floats) -> Bools:
-    """A position that is told again is no measurement of its own."""
+    """Tell of each position whether it is a new measurement, not the last one reported again."""
     found: Bools = np.ones(len(values), dtype=np.bool_)
     found[1:] = np.diff(values, axis=0).any(axis=1)
     return found
@@ -192,9 +178,7 @@ def _together(known: Counts, seen: Bools) -> Bools:
 def _pieces(
     known: Counts, position: Floats, at: Floats, seen: Bools
 ) -> tuple[list[Counts], float, int]:
-    """Return states that were driven in one go, the metres straight between such pieces, and how
-    often there was a jump instead.
-    """
+    """Return pieces of states without gap or jump, metres straight over gaps, and jumps."""
     together = _together(known, seen)
     steps = np.hypot(*np.diff(position[known], axis=0).T)
     jumped = steps > JUMP_SPEED * np.maximum(np.diff(at[known]), 0.0) + JUMP_SLACK
@@ -204,14 +188,6 @@ def _pieces(
         float(steps[~together & ~jumped].sum()),
         int(jumped.sum()),
     )
-
-
-def _unseen_by_wheels(odometer: Floats, seen: Bools, straight: float) -> float:
-    """A run's odometer only grows: over a gap it says more than the straight line, over a restart
-    nothing.
-    """
-    steps = np.diff(odometer)[~seen[:-1]]
-    return max(straight, float(np.nansum(np.maximum(steps, 0.0))))
 
 
 def _slipped(
@@ -229,7 +205,7 @@ def _slipped(
 
 
 def _windows(at: Floats, seen: Bools) -> Iterator[slice]:
-    """Yield stretches of SLIP_SECONDS without a gap, and what is left of each at its end."""
+    """Yield stretches of SLIP_SECONDS without a gap, and shorter ones before gaps."""
     start = 0
     for index in range(len(at)):
         is_last = index + 1 == len(at) or not seen[index]

@@ -1,43 +1,59 @@
-"""What the plan of a study says of its report: the hypotheses with the tests that decide on them,
-and which tables and figures are exploratory.
-"""
+"""The plan of a study in its report: which tests decide on hypotheses, exclusions, notes."""
 
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
-from experiments.analysis.dataset.records import Dataset
+from experiments.analysis.documents.sentences import RowKey, key_of
 from experiments.analysis.figures.drawing import Drawing
 from experiments.analysis.statistics.comparisons import holm
+from experiments.analysis.statistics.regression import RATIO
 from experiments.analysis.tables.declared import PLANNED, name_of
 from experiments.analysis.tables.table import Table, TableCell, number, probability, words
+from experiments.dataset.records import PlanExclusion
 from experiments.definition.analyses import DeclaredAnalysis
-from experiments.definition.plan import Hypothesis, StudyPlan, is_confirmatory, measures_of
+from experiments.definition.plan import Hypothesis, StudyPlan, measures_of
 from experiments.definition.schema import StudyDefinition
 
 NO_PLAN = "No plan was declared: everything here is exploratory."
 NO_HYPOTHESIS = "The plan has no hypothesis: everything here is exploratory."
-NOT_PLANNED = "Exploratory: the plan of the study does not have this."
+NOT_PLANNED = "Exploratory: no hypothesis of the plan is tested here."
+SENSITIVITY = (
+    "Sensitivity analysis: with the drives and participants that are excluded from the results."
+)
 PRECISION = (
     "p (family): corrected by Holm's method for the tests of the family; without a family, for"
     " those of its analysis. p values are two-sided."
+)
+SELECTED = (
+    "Of the drives that count: those that the plan or a researcher excludes are left out (table"
+    " Exclusions)."
 )
 HEAD = (
     *("Hypothesis", "Expected", "Measure", "Test", "p", "p (family)", "Difference"),
     *("As expected", "Significant"),
 )
+Cells = dict[str, TableCell]  # of a row, by their heads
+LISTED = (
+    "Rules of the plan exclude a participant with all sessions; a platform fault or a researcher's"
+    " decision excludes one session. Sessions that the platform ended count in no result."
+)
+EFFECTS_HEAD = (
+    *("Analysis", "Measure", "Test", "p (Holm)", "p (Holm), all", "Difference", "Difference, all"),
+    "Significance",
+)
 EXPECTED = {"different": "a difference", "greater": "first greater", "less": "first less"}
-Row = tuple[TableCell, ...]
 
 
 @dataclass(frozen=True)
 class DecidingTest:
-    """A row of a declared table that decides on a hypothesis; `difference` is NaN or None where the
-    test has no direction.
+    """A row of a declared table that decides on a hypothesis. `corrected` is p in the family of the
+    hypothesis (without one, of the analysis); `difference` is that of the first side, or level,
+    less the second, and NaN or None where the test has no direction.
     """
 
     hypothesis: Hypothesis
-    analysis: str
+    analysis: DeclaredAnalysis
     measure: str
     label: str
     p: float
@@ -45,157 +61,164 @@ class DecidingTest:
     difference: float | None
 
 
-def hypotheses_table(dataset: Dataset, tables: Sequence[Table]) -> Table:
-    """Return each hypothesis with its tests, from the tables of the declared analyses."""
-    plan = dataset.study.plan
+def decisions_of(study: StudyDefinition, tables: Sequence[Table]) -> list[DecidingTest]:
+    """Return the tests in the tables of declared analyses that decide on hypotheses."""
+    if study.plan is None:
+        return []
+    tests = [test for one in study.plan.hypotheses for test in _deciding(study, one, tables)]
+    for family in study.plan.families:
+        places = [n for n, one in enumerate(tests) if one.hypothesis.key in family.hypotheses]
+        members = [(tests[n].analysis.key, tests[n].measure, tests[n].label) for n in places]
+        for n, p in zip(places, holm([tests[n].p for n in places], members), strict=True):
+            tests[n] = replace(tests[n], corrected=p)
+    return tests
+
+
+def hypotheses_table(study: StudyDefinition, decisions: Sequence[DecidingTest]) -> Table:
+    plan = study.plan
     title = "Hypotheses of the plan."
     if plan is None or not plan.hypotheses:
-        said = NO_PLAN if plan is None else NO_HYPOTHESIS
-        return Table("hypotheses", title, (PLANNED,), ((words(said),),))
-    tests = list(_tests(dataset.study, plan, {table.name: table for table in tables}))
-    corrected = family_corrected(plan, tests)
-    rows = tuple(_row(plan, one, p) for one, p in zip(tests, corrected, strict=True))
-    texts = tuple(f"{one.key}: {one.text}" for one in plan.hypotheses)
+        reason = NO_PLAN if plan is None else NO_HYPOTHESIS
+        return Table.of("hypotheses", title, (PLANNED,), [[reason]])
+    rows = (_row(plan, one) for one in decisions)
+    texts = (f"{one.key}: {one.text}" for one in plan.hypotheses)
     alpha = f"Significant: p (family) below {plan.alpha:g}."
-    return Table("hypotheses", title, HEAD, rows, (*texts, PRECISION, alpha))
+    return Table.of("hypotheses", title, HEAD, rows, (*texts, SELECTED, PRECISION, alpha))
 
 
-def _row(plan: StudyPlan, one: DecidingTest, p: float) -> Row:
-    signed = one.difference
+def by_row(decisions: Sequence[DecidingTest]) -> dict[RowKey, list[tuple[str, float]]]:
+    """Return the hypotheses on which each row of a declared table decides, with p in the family."""
+    found: dict[RowKey, list[tuple[str, float]]] = {}
+    for one in decisions:
+        key = (name_of(one.analysis), one.measure, one.label)
+        found.setdefault(key, []).append((one.hypothesis.key, one.corrected))
+    return found
+
+
+def _row(plan: StudyPlan, one: DecidingTest) -> tuple[object, ...]:
+    p, about = one.corrected, one.hypothesis
+    significant = "unknown" if math.isnan(p) else "yes" if p < plan.alpha else "no"
     return (
-        words(one.hypothesis.key),
-        words(EXPECTED[one.hypothesis.direction]),
-        words(one.measure),
-        words(f"{one.analysis}: {one.label}"),
-        probability(one.p),
-        probability(p),
-        number(signed, 3),
-        words(_as_expected(one.hypothesis, signed)),
-        words("unknown" if math.isnan(p) else "yes" if p < plan.alpha else "no"),
+        *(about.key, EXPECTED[about.direction], one.measure, f"{one.analysis.key}: {one.label}"),
+        *(probability(one.p), probability(p), number(one.difference, 3)),
+        *(_as_expected(about, one.difference), significant),
     )
 
 
 def _as_expected(hypothesis: Hypothesis, difference: float | None) -> str:
     if hypothesis.direction == "different":
         return "–"
-    if difference is None:
+    if difference is None or math.isnan(difference):
         return "unknown"
-    return "yes" if (difference > 0.0) == (hypothesis.direction == "greater") else "no"
+    signed = difference if hypothesis.direction == "greater" else -difference
+    return "yes" if signed > 0.0 else "no"
 
 
-def family_corrected(plan: StudyPlan, tests: Sequence[DecidingTest]) -> list[float]:
-    """Return the p values of tests, corrected within their family; those of a hypothesis without
-    one keep the correction of their analysis.
-    """
-    corrected = [one.corrected for one in tests]
-    for family in plan.families:
-        places = [n for n, one in enumerate(tests) if one.hypothesis.key in family.hypotheses]
-        members = [(tests[n].analysis, tests[n].measure, tests[n].label) for n in places]
-        for n, p in zip(places, holm([tests[n].p for n in places], members), strict=True):
-            corrected[n] = p
-    return corrected
+def _tests(tables: Sequence[Table]) -> Iterator[tuple[RowKey, Cells]]:
+    """Yield the rows of tables of declared analyses: their names, and their cells by head."""
+    for table in tables:
+        if "p (Holm)" in table.head:
+            for row in table.rows:
+                cells = dict(zip(table.head, row, strict=True))
+                yield key_of(table, cells), cells
 
 
-def _tests(
-    study: StudyDefinition, plan: StudyPlan, tables: dict[str, Table]
+def _deciding(
+    study: StudyDefinition, hypothesis: Hypothesis, tables: Sequence[Table]
 ) -> Iterator[DecidingTest]:
-    known = {one.key: one for one in study.analyses}
-    for hypothesis in plan.hypotheses:
-        analysis = known.get(hypothesis.analysis)
-        table = tables.get(name_of(analysis)) if analysis is not None else None
-        if analysis is None or table is None:
-            continue
-        coefficients = tables.get(f"{table.name}-coefficients")
-        for row in table.rows:
-            cells = dict(zip(table.head, row, strict=True))
-            if hypothesis.key in cells[PLANNED].text.split(", "):
-                yield _test(hypothesis, analysis, study, cells, coefficients)
+    analysis = next((one for one in study.analyses if one.key == hypothesis.analysis), None)
+    if analysis is None:
+        return
+    own = [table for table in tables if table.name == name_of(analysis)]
+    for (_, measure, label), cells in _tests(own):
+        if hypothesis.key in cells[PLANNED].text.split(", "):
+            p, corrected = (_value(cells, name) for name in ("p", "p (Holm)"))
+            difference = _difference(cells)
+            yield DecidingTest(hypothesis, analysis, measure, label, p, corrected, difference)
 
 
-def _test(
-    hypothesis: Hypothesis,
-    analysis: DeclaredAnalysis,
-    study: StudyDefinition,
-    cells: dict[str, TableCell],
-    coefficients: Table | None,
-) -> DecidingTest:
-    measure = cells["Measure"].text
-    label = cells.get("Contrast", cells.get("Effect", words(""))).text
-    difference = cells["Difference"].value if "Difference" in cells else None
-    if coefficients is not None:
-        difference = _slope(analysis, study, measure, label, coefficients)
-    p, corrected = (_value(cells[name]) for name in ("p", "p (Holm)"))
-    return DecidingTest(hypothesis, analysis.key, measure, label, p, corrected, difference)
+def _value(cells: Cells, head: str) -> float:
+    value = cells[head].value if head in cells else None
+    return math.nan if value is None else value
 
 
-def _slope(
-    analysis: DeclaredAnalysis,
-    study: StudyDefinition,
-    measure: str,
-    effect: str,
-    coefficients: Table,
-) -> float | None:
-    """Return by how much the second level of a factor with two is above the first; None for other
-    effects. With sum coding the coefficient is that of the first level, half the difference below.
-    """
-    factor = next((one for one in study.factors if one.key == effect), None)
-    if factor is None or len(factor.levels) != 2:
-        return None
-    is_sum = analysis.coding == "sum"
-    name = f"{effect} {factor.levels[0 if is_sum else 1].key}"
-    for row in coefficients.rows:
-        if (row[0].text, row[1].text) == (measure, name) and row[2].value is not None:
-            return -2.0 * row[2].value if is_sum else row[2].value
-    return None
+def _difference(cells: Cells) -> float | None:
+    """Return by how much the first side is greater; of a rate or hazard ratio, its logarithm."""
+    if cells["Difference"].value is not None:
+        return cells["Difference"].value
+    is_ratio = "Effect" in cells and cells["Effect"].text in RATIO.values()
+    size = cells["Size"].value if is_ratio else None
+    return math.log(size) if size else None
 
 
-def _value(cell: TableCell) -> float:
-    return float("nan") if cell.value is None else cell.value
+# --- exclusions -----------------------------------------------------------------------------------
 
 
-# --- what is exploratory --------------------------------------------------------------------------
+def exclusions_table(found: Sequence[PlanExclusion]) -> Table:
+    rows = (
+        (
+            words(one.participant, (one.session,) if one.session else ()),
+            *(one.session, one.rule, one.value, "yes" if one.planned else "no"),
+        )
+        for one in found
+    )
+    head = ("Participant", "Session", "Rule", "Value", PLANNED)
+    return Table.of("exclusions", "Exclusions.", head, rows, (LISTED,))
 
 
-def status_of(study: StudyDefinition, measures: Sequence[str]) -> str:
-    """Return what is said of results on some measures: the hypotheses about them, or that they are
-    exploratory; nothing in a study without hypotheses, which says so once.
-    """
-    plan = study.plan
-    if plan is None or not plan.hypotheses:
-        return ""
-    analyses = {one.key: one for one in study.analyses}
-    keys = [
-        one.key
-        for one in plan.hypotheses
-        if one.analysis in analyses
-        and set(measures).intersection(measures_of(one, analyses[one.analysis]))
-    ]
-    return f"Shows measures of: {', '.join(keys)}." if keys else NOT_PLANNED
+def exclusion_effects(planned: Sequence[Table], every: Sequence[Table], alpha: float) -> Table:
+    """Return the tests of the drives that count (`planned`) beside those of `every` drive."""
+    others = dict(_tests(every))
+    rows, changed = [], []
+    for key, cells in _tests(planned):
+        both = (cells, others.get(key, {}))
+        ps = [_value(one, "p (Holm)") for one in both]
+        differences = [number(_value(one, "Difference"), 3) for one in both]
+        is_changed = (ps[0] < alpha) != (ps[1] < alpha)
+        names = (key[0].removeprefix("analysis-"), *key[1:])
+        changed += [", ".join(names)] if is_changed else []
+        verdict = "changes" if is_changed else "same"
+        rows.append((*names, *map(probability, ps), *differences, verdict))
+    title = "Sensitivity analysis: declared tests with the excluded drives (all)."
+    level = f"Significant: p (Holm) below {alpha:g}."
+    note = f"The exclusions change the significance of: {'; '.join(changed)}."
+    if not changed:
+        note = "The exclusions change the significance of no declared test."
+    return Table.of("exclusions-effect", title, EFFECTS_HEAD, rows, (level, note))
 
 
-def marked_table(study: StudyDefinition, table: Table) -> Table:
-    """Return a table with tests that the plan does not have marked as exploratory; the declared
-    ones say it row by row.
-    """
-    if not is_confirmatory(study.plan) or PLANNED in table.head or "p" not in table.head:
-        return table
-    if table.name.startswith("analysis-") or table.name == "hypotheses":
+# --- notes of tables and figures ------------------------------------------------------------------
+
+
+def marked_table(table: Table, *, is_sensitivity: bool) -> Table:
+    """Add a note to a sensitivity analysis, and to tests that no hypothesis names."""
+    if is_sensitivity:
+        return replace(table, notes=(SENSITIVITY, *table.notes))
+    if PLANNED in table.head or "p" not in table.head or table.name == "hypotheses":
         return table
     return replace(table, notes=(*table.notes, NOT_PLANNED))
 
 
-def marked_figure(study: StudyDefinition, figure: Drawing) -> Drawing:
-    """Return a figure of answers with the hypotheses that it belongs to, or as exploratory."""
-    questionnaire = _questionnaire_of(study, figure.name)
-    if not is_confirmatory(study.plan) or not questionnaire:
-        return figure
-    declared = {measure for one in study.analyses for measure in one.measures}
-    shown = [one for one in declared if one.partition(".")[0] == questionnaire and "." in one]
-    notes = (*figure.numbers.notes, status_of(study, shown))
+def marked_figure(study: StudyDefinition, figure: Drawing, *, is_sensitivity: bool) -> Drawing:
+    """Add a note to a sensitivity analysis; to answers, the hypotheses, or that they are
+    exploratory.
+    """
+    notes, scores = figure.numbers.notes, "figure-scores-"
+    questionnaire = study.analysis.statements if figure.name.startswith("figure-8") else ""
+    if figure.name.startswith(scores):
+        questionnaire = figure.name.removeprefix(scores)
+    if is_sensitivity:
+        notes = (SENSITIVITY, *notes)
+    elif questionnaire:
+        keys = ", ".join(_about(study, questionnaire))
+        notes = (*notes, f"Shows measures of: {keys}." if keys else NOT_PLANNED)
     return replace(figure, numbers=replace(figure.numbers, notes=notes))
 
 
-def _questionnaire_of(study: StudyDefinition, name: str) -> str:
-    if name.startswith("figure-scores-"):
-        return name.removeprefix("figure-scores-")
-    return study.analysis.statements if name.startswith("figure-8") else ""
+def _about(study: StudyDefinition, questionnaire: str) -> Iterator[str]:
+    """Yield the hypotheses about measures of a questionnaire."""
+    analyses = {one.key: one for one in study.analyses}
+    for one in study.plan.hypotheses if study.plan is not None else ():
+        measures = measures_of(one, analyses[one.analysis]) if one.analysis in analyses else ()
+        if any(measure.startswith(f"{questionnaire}.") for measure in measures):
+            yield one.key

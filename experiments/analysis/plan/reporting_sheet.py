@@ -1,39 +1,24 @@
-"""A sheet with what a report on a study of human-robot interaction has to say of who took part,
-with which robot, how autonomous it was, what failed, and what departed from the plan. It fills
-itself from the data; what these do not tell is said to be unknown.
-"""
+"""What a report on human-robot interaction has to state, filled from the data."""
 
 import math
 from collections import Counter
 from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.levels import ASSISTANCE
-from experiments.analysis.dataset.records import (
-    COMPLETED,
-    Dataset,
-    ParticipantRecord,
-    RobotRecord,
-)
 from experiments.analysis.metrics.definitions import VERSION
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.plan.exclusions import (
-    BY_HAND,
-    PLATFORM_FAULT,
-    PlanExclusion,
-    excluded_participants,
-)
 from experiments.analysis.plan.preregistration import before_data
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.participant_kinds import counted
-from experiments.analysis.tables.people import NOT_REPORTED, table_2
-from experiments.analysis.tables.table import NOTHING, Table, amount, spoken, words
+from experiments.analysis.tables.people import NOT_REPORTED, counted_by_kind, table_2
+from experiments.analysis.tables.table import NOTHING, Table, amount, spoken
+from experiments.dataset.exclusions import excluded_participants
+from experiments.dataset.levels import ASSISTANCE, BY_HAND, OF_PLATFORM, REPLACED, UNCOUNTED
+from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord
 from experiments.definition.plan import hypotheses_of
 
 NAME = "reporting-sheet"
 UNKNOWN = "unknown"
 SEX = ("sex", "gender")  # items of the registration that ask for it
-# Of a session: (median, 95th percentile), and what it is.
-LATENCIES = {
+LATENCIES = {  # metrics of a session: median and 95th percentile
     "Age of commands at the wheels": ("command_age_median", "command_age_p95"),
     "Age of video on the page": ("frame_age", "frame_age_p95"),
 }
@@ -55,35 +40,31 @@ Line = tuple[str, str, str]  # section, item, value
 
 
 def reporting_sheet(
-    dataset: Dataset,
-    measured: Sequence[Measured],
-    found: Sequence[PlanExclusion],
-    everybody: Sequence[ParticipantRecord],
+    dataset: Dataset, measured: Sequence[Measured], everybody: Sequence[ParticipantRecord]
 ) -> Table:
-    """Return the sheet of a dataset of those who count (`Dataset.chosen`), its sessions measured
-    and its exclusions found; `everybody` are the participants, pilots and bots of the whole one.
+    """Return the sheet of a dataset of what counts; `everybody` has the participants of the whole
+    one.
     """
     lines = (
-        ("Participants", "in the dataset", counted(everybody, "participant")),
-        ("Participants", "in this sheet", counted(dataset.participants) or "nobody"),
+        ("Participants", "in the dataset", counted_by_kind(everybody, "participant")),
+        ("Participants", "in this sheet", counted_by_kind(dataset.participants) or "nobody"),
         *_participants(dataset),
         *_robots(dataset, measured),
         *_autonomy(dataset),
         *_failures(dataset),
-        *_exclusions(found),
-        *_deviations(dataset, found),
+        *_exclusions(dataset),
+        *_deviations(dataset),
         *_versions(dataset),
     )
     rows, last = [], ""
     for section, item, value in lines:
-        rows.append((words("" if section == last else section), words(item), words(value)))
+        rows.append(("" if section == last else section, item, value))
         last = section
     note = "Unknown: neither the study's definition nor its data say."
-    return Table(NAME, "Reporting sheet.", ("Topic", "Item", "Value"), tuple(rows), (note,))
+    return Table.of(NAME, "Reporting sheet.", ("Topic", "Item", "Value"), rows, (note,))
 
 
 def as_markdown(table: Table) -> str:
-    """Return the sheet as Markdown."""
     lines = [f"# {table.title.removesuffix('.')}", ""]
     for topic, item, value in table.rows:
         if topic.text:
@@ -92,22 +73,33 @@ def as_markdown(table: Table) -> str:
     return "\n".join((*lines, "", *table.notes, ""))
 
 
-# --- who took part --------------------------------------------------------------------------------
+# --- participants ---------------------------------------------------------------------------------
 
 
 def _participants(dataset: Dataset) -> Iterator[Line]:
-    section, people = "Participants", dataset.participants
-    here = [one for one in people if not one.withdrawn]
-    drivers = {one.participant for one in dataset.sessions if one.exposed}
-    yield section, "joined", str(len(people))
-    yield section, "withdrew", str(len(people) - len(here))
-    yield section, "drove a robot", str(len(drivers))
-    yield section, "finished", str(sum(one.finished for one in here))
-    yield section, "drives", str(len(dataset.sessions))
-    yield section, "age", _ages([one.age for one in here])
-    yield section, "sex or gender", _sexes(dataset)
-    yield section, "recruitment", dataset.study.recruitment or UNKNOWN
-    yield section, "compensation", dataset.study.compensation or UNKNOWN
+    people, study = dataset.participants, dataset.study
+    staying = [one for one in people if not one.withdrawn]
+    drivers = {one.participant for one in (*dataset.sessions, *dataset.others) if one.drove}
+    items = {
+        "joined": len(people),
+        "drawn anew, before they were exposed": sum(one.draws > 1 for one in people),
+        "replaced by others": sum(one.place == REPLACED for one in people),
+        "withdrew": len(people) - len(staying),
+        "drove a robot": len(drivers),
+        "finished": sum(one.finished for one in staying),
+        "with a drive that counts": _drivers(dataset),
+        "drives that count": len(dataset.sessions),
+        "age": _ages([one.age for one in dataset.included]),
+        "sex or gender": _sexes(dataset),
+        "recruitment": study.recruitment or UNKNOWN,
+        "compensation": study.compensation or UNKNOWN,
+    }
+    for item, value in items.items():
+        yield "Participants", item, str(value)
+
+
+def _drivers(dataset: Dataset) -> int:
+    return len({one.participant for one in dataset.sessions})
 
 
 def _ages(ages: Sequence[float]) -> str:
@@ -116,44 +108,41 @@ def _ages(ages: Sequence[float]) -> str:
     if about.mean is None:
         return UNKNOWN
     sd = NOTHING if about.sd is None else f"{about.sd:.1f}"
-    silent = f"; {len(ages) - len(known)} {NOT_REPORTED}" if len(known) < len(ages) else ""
-    return f"M = {about.mean:.1f}, SD = {sd}, {min(known):.0f} to {max(known):.0f}{silent}"
+    missing = f"; {len(ages) - len(known)} {NOT_REPORTED}" if len(known) < len(ages) else ""
+    return f"M = {about.mean:.1f}, SD = {sd}, {min(known):.0f} to {max(known):.0f}{missing}"
 
 
 def _sexes(dataset: Dataset) -> str:
-    """Return how often each answer was given, from Table 2, where the registration asks for it."""
+    """Return how often each answer was given, from Table 2."""
     definition = dataset.questionnaire(dataset.registration)
     asked = [one for one in definition.questions() if one.key in SEX] if definition else []
     if not asked:
         return f"{UNKNOWN}: not asked"
-    wanted, own, is_here = dataset.say(asked[0].text), [], False
-    for head, label, n, _share in table_2(dataset).rows:
-        is_here = head.text == wanted if head.text else is_here
-        own += [f"{label.text}: {n.text}"] if is_here and n.value else []
-    return ", ".join(own) or UNKNOWN
+    question, counts, is_own = dataset.say(asked[0].text), [], False
+    for head, label, n, _share in table_2(dataset).rows:  # the head of a question is in its first
+        is_own = head.text == question if head.text else is_own
+        counts += [f"{label.text}: {n.text}"] if is_own and n.value else []
+    return ", ".join(counts) or UNKNOWN
 
 
 # --- the robot ------------------------------------------------------------------------------------
 
 
 def _robots(dataset: Dataset, measured: Sequence[Measured]) -> Iterator[Line]:
-    driven = {one.robot for one in dataset.sessions}
+    in_use = {one.robot for one in dataset.sessions}
     for robot in dataset.robots:
-        if not driven or robot.name in driven:
-            own = [one for one in measured if one.session.robot == robot.name]
-            yield from _robot(robot, own)
+        if in_use and robot.name not in in_use:
+            continue
+        section = f"Robot {robot.title}"
+        yield section, "make", UNKNOWN
+        for item, fact in ROBOT_FACTS.items():
+            value = robot.facts.get(fact, NOTHING)
+            yield section, item, UNKNOWN if value == NOTHING else value
+        own = [one for one in measured if one.session.robot == robot.name]
+        for item, names in LATENCIES.items():
+            yield section, item, _latency(own, names)
     if not dataset.robots:
         yield "Robot", "model", UNKNOWN
-
-
-def _robot(robot: RobotRecord, measured: Sequence[Measured]) -> Iterator[Line]:
-    section = f"Robot {robot.title}"
-    yield section, "make", UNKNOWN
-    for item, fact in ROBOT_FACTS.items():
-        value = robot.facts.get(fact, NOTHING)
-        yield section, item, UNKNOWN if value == NOTHING else value
-    for item, names in LATENCIES.items():
-        yield section, item, _latency(measured, names)
 
 
 def _latency(measured: Sequence[Measured], names: tuple[str, str]) -> str:
@@ -162,8 +151,7 @@ def _latency(measured: Sequence[Measured], names: tuple[str, str]) -> str:
         return f"{UNKNOWN}: not measured"
     known = sum(not math.isnan(one.values[names[0]]) for one in measured)
     high = "" if p95 is None else f", 95th percentile {1000.0 * p95:.0f} ms"
-    drives = amount(known, "drive")
-    return f"median {1000.0 * median:.0f} ms{high} (medians over {drives})"
+    return f"median {1000.0 * median:.0f} ms{high} (medians over {amount(known, 'drive')})"
 
 
 def _autonomy(dataset: Dataset) -> Iterator[Line]:
@@ -173,73 +161,65 @@ def _autonomy(dataset: Dataset) -> Iterator[Line]:
         yield "Autonomy by condition", dataset.say(one.title) or one.key, value
 
 
-# --- what went wrong ------------------------------------------------------------------------------
+# --- failures and deviations ----------------------------------------------------------------------
 
 
 def _failures(dataset: Dataset) -> Iterator[Line]:
-    section, sessions = "Failures", (*dataset.sessions, *dataset.ruled_out)
+    section, sessions = "Failures", (*dataset.sessions, *dataset.others)
     ended = Counter((one.outcome, one.fault_side) for one in sessions if one.outcome)
     if not ended:
         yield section, "outcomes", f"{UNKNOWN}: no drive has ended"
     for (outcome, side), n in sorted(ended.items()):
         by = "" if outcome == COMPLETED or not side else f", side: {side}"
         yield section, f"{spoken(outcome)}{by}", amount(n, "drive")
-    running = sum(not one.outcome for one in sessions)
-    if running:
+    if running := sum(not one.outcome for one in sessions):
         yield section, "without an outcome", amount(running, "drive")
+    for code, n in sorted(Counter(one.counts_why for one in dataset.others).items()):
+        yield "Drives that do not count", UNCOUNTED[code], amount(n, "drive")
 
 
-def _exclusions(found: Sequence[PlanExclusion]) -> Iterator[Line]:
-    section = "Exclusions"
+def _exclusions(dataset: Dataset) -> Iterator[Line]:
+    section, found = "Exclusions", dataset.exclusions
     if not found:
         yield section, "excluded", "nobody"
-    people = excluded_participants(found)
-    if people:
+    if people := excluded_participants(found):
         yield section, "excluded by the plan's rules", amount(len(people), "participant")
     for rule, n in sorted(Counter(one.rule for one in found).items()):
-        noun = "drive" if rule in {PLATFORM_FAULT, BY_HAND} else "case"
-        yield section, rule, amount(n, noun)
+        yield section, rule, amount(n, "drive" if rule in {OF_PLATFORM, BY_HAND} else "case")
 
 
-def _deviations(dataset: Dataset, found: Sequence[PlanExclusion]) -> Iterator[Line]:
-    section, freeze = "Deviations from the plan", dataset.freeze
-    if dataset.study.plan is None:
+def _deviations(dataset: Dataset) -> Iterator[Line]:
+    section, freeze, plan = "Deviations from the plan", dataset.freeze, dataset.study.plan
+    if plan is None:
         yield section, "plan", "none was declared: every analysis is exploratory"
     else:
         yield section, "plan frozen before data", before_data(freeze)
-        yield from _planned_number(dataset, found)
-        others = [
-            one.key for one in dataset.study.analyses if not hypotheses_of(dataset.study.plan, one)
-        ]
+        wanted = UNKNOWN if plan.participants is None else str(plan.participants)
+        yield section, "planned participants", wanted
+        yield section, "participants with a drive that counts", str(_drivers(dataset))
+        others = [one.key for one in dataset.study.analyses if not hypotheses_of(plan, one)]
         if others:
             yield section, "analyses without a hypothesis (exploratory)", ", ".join(others)
-    by_hand = sum(one.rule == BY_HAND for one in found)
+    by_hand = sum(one.rule == BY_HAND for one in dataset.exclusions)
     yield section, "exclusions by hand, outside of the rules", str(by_hand)
     mismatched = sum(bool(one.mismatch) for one in dataset.sessions)
     yield section, "drives whose condition was not applied as assigned", str(mismatched)
-    told = freeze.deviations.strip() if freeze is not None else ""
-    yield section, "stated by the researchers", told or f"{UNKNOWN}: they have stated nothing"
-
-
-def _planned_number(dataset: Dataset, found: Sequence[PlanExclusion]) -> Iterator[Line]:
-    plan = dataset.study.plan
-    wanted = plan.participants if plan is not None else None
-    drivers = {one.participant for one in dataset.sessions if one.exposed}
-    kept = len(drivers - excluded_participants(found))
-    value = UNKNOWN if wanted is None else str(wanted)
-    yield "Deviations from the plan", "planned participants", value
-    yield "Deviations from the plan", "participants who drove and are not excluded", str(kept)
+    stated = freeze.deviations.strip() if freeze is not None else ""
+    yield section, "stated by the researchers", stated or f"{UNKNOWN}: they have stated nothing"
 
 
 def _versions(dataset: Dataset) -> Iterator[Line]:
-    section, freeze, study = "Versions", dataset.freeze, dataset.study
-    yield section, "study", f"{study.slug} {study.version}"
-    yield section, "SHA-256 of the definition", UNKNOWN if freeze is None else freeze.sha256
-    draft = UNKNOWN if freeze is None else "no: a draft, which may still change"
-    frozen = freeze.frozen_at if freeze is not None else ""
-    yield section, "definition frozen", frozen or draft
-    asked = (f"{one.slug} {one.version}" for one in dataset.questionnaires)
-    yield section, "questionnaires", ", ".join(asked) or UNKNOWN
-    software = freeze.software if freeze is not None else ""
-    yield section, "software of the server", software or UNKNOWN
-    yield section, "definitions of the metrics", str(VERSION)
+    study, checksum, frozen, software = dataset.study, UNKNOWN, UNKNOWN, UNKNOWN
+    if dataset.freeze is not None:
+        checksum, software = dataset.freeze.sha256, dataset.freeze.software or UNKNOWN
+        frozen = dataset.freeze.frozen_at or "no: a draft, which may still change"
+    asked = ", ".join(f"{one.slug} {one.version}" for one in dataset.questionnaires)
+    items = {
+        "study": f"{study.slug} {study.version}",
+        "SHA-256 of the definition": checksum,
+        "definition frozen": frozen,
+        "questionnaires": asked or UNKNOWN,
+        "software of the server": software,
+        "definitions of the metrics": str(VERSION),
+    }
+    yield from (("Versions", item, value) for item, value in items.items())

@@ -1,75 +1,47 @@
-"""How many participants an effect needs: exact power of Student's t tests, two-sided (Cohen,
-Statistical Power Analysis, chapter 2).
-
-The power is the chance that |t| passes its critical value when t has a noncentral distribution,
-whose noncentrality grows with the effect and the root of the number of participants.
-"""
+"""Exact power of Student's t tests, two-sided (Cohen, Statistical Power Analysis, chapter 2)."""
 
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-import scipy
-
-Design = Literal["between", "within"]
+Compared = Literal["between", "within"]
 SMALL, MEDIUM, LARGE = 0.2, 0.5, 0.8  # Cohen's words for standardized differences
 MOST = 100_000
 
 
 @dataclass(frozen=True)
 class Need:
-    """What a standardized difference needs: participants a group, and in all. With `within`
-    everybody is in the one group.
-    """
+    """How many participants a standardized difference needs; within participants in one group."""
 
     effect: float
     per_group: int
     total: int
 
 
-def power(effect: float, participants: int, design: Design, alpha: float = 0.05) -> float:
-    """Return the chance to find a difference.
+def _test(design: Compared) -> Any:
+    from statsmodels.stats.power import TTestIndPower, TTestPower  # noqa: PLC0415 - not on robots
 
-    Args:
-        effect: the standardized difference of the means: Cohen's d between groups, d_z of the
-            differences within.
-        participants: in each group; those who do both conditions within.
-        design: whether the same people are compared with themselves.
-        alpha: how often a difference is found where there is none.
-    """
-    least = 2
-    if participants < least:
+    return TTestIndPower() if design == "between" else TTestPower()
+
+
+def power(effect: float, participants: int, design: Compared, alpha: float = 0.05) -> float:
+    """Return the power for d between groups, or d_z within, of so many participants a group."""
+    if participants < 2:
         return 0.0
-    freedom = 2 * participants - 2 if design == "between" else participants - 1
-    noncentrality = abs(effect) * math.sqrt(
-        participants / 2.0 if design == "between" else participants
-    )
-    critical = scipy.stats.t.isf(alpha / 2.0, freedom)
-    return float(
-        scipy.stats.nct.sf(critical, freedom, noncentrality)
-        + scipy.stats.nct.cdf(-critical, freedom, noncentrality)
-    )
+    return float(_test(design).power(abs(effect), participants, alpha))
 
 
 def participants_needed(
-    effect: float, design: Design, *, groups: int = 2, target: float = 0.8, alpha: float = 0.05
+    effect: float, design: Compared, *, groups: int = 2, target: float = 0.8, alpha: float = 0.05
 ) -> Need | None:
-    """Return how many participants find an effect with a chance of `target` at least; None where no
-    number that can be had does.
-
-    With more than two groups the pair that differs by `effect` is compared at an alpha that is
-    shared by all pairs (Bonferroni).
+    """Return how many participants give an effect the `target` power, None above MOST a group. The
+    pairs of more than two groups share alpha (Bonferroni).
     """
-    pairs = groups * (groups - 1) // 2
-    shared = alpha / max(1, pairs)
+    shared = alpha / max(1, groups * (groups - 1) // 2)
     if effect == 0.0 or power(effect, MOST, design, shared) < target:
         return None
-    low, high = 1, 2
-    while power(effect, high, design, shared) < target:
-        low, high = high, high * 2
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (
-            (low, middle) if power(effect, middle, design, shared) >= target else (middle, high)
-        )
-    return Need(effect, high, high * groups if design == "between" else high)
+    least = 2
+    if power(effect, least, design, shared) < target:
+        found = _test(design).solve_power(abs(effect), alpha=shared, power=target)
+        least = math.ceil(float(found) - 1e-6)
+    return Need(effect, least, least * groups if design == "between" else least)

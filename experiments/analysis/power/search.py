@@ -1,53 +1,50 @@
 """The power of a study by numbers of participants, and the least number that is enough."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from experiments.analysis.power.assumptions import REASONS, Assumption, assumed
-from experiments.analysis.power.simulation import Orders, SimulatedStudies, SimulatedTest, simulate
+from experiments.analysis.power.draws import REASONS, Assumption, Orders, assumed
+from experiments.analysis.power.simulation import SimulatedStudies, simulate
 from experiments.analysis.statistics.descriptive import wilson
-from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.analysis.tables.table import Table, number
 from experiments.definition.factors import conditions_together
 from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import StudyDefinition
 
 STUDIES = 2000  # that are simulated for each number of participants
 MOST = 2000  # participants up to whom a number is looked for
-LEAST = 4  # participants of a kind, below whom nothing is tried
+LEAST = 4  # participants of a kind in the smallest study that is tried
 HEAD = (
     *("Participants", "Analysis", "Measure", "Test", "Hypothesis", "Power"),
     *("Power: from", "Power: to"),
 )
 METHOD = (
     (
-        "Power: the share of simulated studies in which p, corrected within the family of the test,"
-        " is below {alpha:g}, with its 95 % Monte-Carlo interval (Wilson), {studies} studies"
-        " each."
+        "Power: the share of simulated studies in which p, corrected within the family in which the"
+        " report corrects it, is below {alpha:g}, with its 95 % Monte-Carlo interval (Wilson),"
+        " {studies} studies each. The families have all of their tests, also {null} that are"
+        " assumed to have nothing to find and are not listed."
     ),
     (
         "Values are normal; answers are simulated as if continuous, measures as independent of each"
-        " other, and nobody drops out. Participants: in all, spread evenly over the cells."
+        " other, covariates as if they explained nothing, and nobody drops out. Participants: in"
+        " all, spread evenly over the cells."
     ),
 )
 
 
 @dataclass(frozen=True)
 class PowerOptions:
-    """How a study is simulated: the seed of chance, the number of studies, what data have shown of
-    measures, and the orders of conditions.
-    """
-
     seed: int = 1
     studies: int = STUDIES
-    observed: Mapping[str, Assumption] = field(default_factory=dict)
     orders: Orders = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class PowerReport:
-    """The power for some numbers of participants, and the least number that is enough for every
-    test that decides on a hypothesis (None: more than can be tried; `is_searched` tells whether
-    there was anything to look for).
+    """Power by numbers of participants, and the least that is enough for every test of a
+    hypothesis. `needed` is None above MOST and, without `is_searched`, if no test has anything to
+    find.
     """
 
     simulations: tuple[SimulatedStudies, ...]
@@ -59,55 +56,36 @@ class PowerReport:
 def power_report(
     study: StudyDefinition, participants: Sequence[int], options: PowerOptions
 ) -> PowerReport:
-    """Return the power of a study for numbers of participants, and the least number for the power
-    that its plan wants.
+    """Return the power of a study for numbers of participants, and the least number that is enough
+    for the tests that decide on hypotheses; without these, for all that have something to find.
     """
 
     def at(people: int) -> SimulatedStudies:
-        return simulate(
-            study,
-            people,
-            options.studies,
-            options.seed,
-            observed=options.observed,
-            orders=options.orders,
-        )
+        return simulate(study, people, options.studies, options.seed, orders=options.orders)
+
+    def least_power(people: int) -> float:
+        found = at(people).power(plan.alpha)
+        return min(found[n][0] / found[n][1] for n in deciding)
 
     plan = study.plan or StudyPlan()
     kinds = len(conditions_together(study))
-    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
-    simulated = tuple(at(max(one, 2 * kinds)) for one in dict.fromkeys(participants))
-    first = simulated[0] if simulated else at(LEAST * kinds)
-    deciding = _deciding(first.tests)
-    needed = (
-        least_participants(
-            lambda people: _least_power(at(people), deciding, plan), kinds, plan.power
-        )
-        if deciding
-        else None
-    )
+    simulated = [at(max(one, 2 * kinds)) for one in dict.fromkeys(participants)]
+    tests = (simulated[0] if simulated else at(LEAST * kinds)).tests
+    known = [n for n, one in enumerate(tests) if not one.is_null]
+    deciding = [n for n in known if tests[n].hypotheses] or known
+    needed = least_participants(least_power, kinds, plan.power) if deciding else None
     if needed is not None and all(one.participants != needed for one in simulated):
-        simulated = (*simulated, at(needed))
-    about = {one: assumed(study, one, options.observed) for one in measures}
-    return PowerReport(simulated, needed, bool(deciding), about)
-
-
-def _deciding(tests: Sequence[SimulatedTest]) -> list[int]:
-    """Return the places of the tests that decide on hypotheses; all where there are none."""
-    own = [n for n, one in enumerate(tests) if one.hypotheses]
-    return own or list(range(len(tests)))
-
-
-def _least_power(found: SimulatedStudies, places: Sequence[int], plan: StudyPlan) -> float:
-    power = found.power(plan.alpha)
-    return min(power[n][0] / power[n][1] for n in places)
+        simulated.append(at(needed))
+    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
+    about = {one: assumed(study, one) for one in measures}
+    return PowerReport(tuple(simulated), needed, bool(deciding), about)
 
 
 def least_participants(
     power: Callable[[int], float], kinds: int, target: float, most: int = MOST
 ) -> int | None:
-    """Return the least number of participants, a multiple of the kinds of participants, whose power
-    is at least `target`; None where not even `most` have it. Power is taken to grow with them.
+    """Return the least multiple of `kinds` whose power is at least `target`, or None above `most`;
+    power is taken to grow with participants.
     """
     low, high = LEAST - 1, LEAST
     while power(high * kinds) < target:
@@ -122,36 +100,27 @@ def least_participants(
     return high * kinds
 
 
-# --- in words -------------------------------------------------------------------------------------
+# --- the table ------------------------------------------------------------------------------------
 
 
 def power_table(study: StudyDefinition, found: PowerReport, studies: int) -> Table:
-    """Return a row for each test and number of participants, with what was assumed below."""
     plan = study.plan or StudyPlan()
-    rows = [row for one in found.simulations for row in _rows(one, plan.alpha)]
-    method = [text.format(alpha=plan.alpha, studies=studies) for text in METHOD]
-    notes = (needed_in_words(found, plan), *_assumed_in_words(study, found), *method, *REASONS)
-    return Table("power", "Power by simulation.", HEAD, tuple(rows), notes)
+    rows = (row for one in found.simulations for row in _rows(one, plan.alpha))
+    null = sum(one.is_null for one in found.simulations[0].tests) if found.simulations else 0
+    method = [text.format(alpha=plan.alpha, studies=studies, null=null) for text in METHOD]
+    notes = (_needed(found, plan), *_assumptions(study, found), *method, *REASONS)
+    return Table.of("power", "Power by simulation.", HEAD, rows, notes)
 
 
-def _rows(found: SimulatedStudies, alpha: float) -> list[tuple[TableCell, ...]]:
-    rows = []
+def _rows(found: SimulatedStudies, alpha: float) -> Iterator[tuple[object, ...]]:
     for one, (hits, studies) in zip(found.tests, found.power(alpha), strict=True):
-        low, high = wilson(hits, studies) or (None, None)
-        names = (one.analysis, one.measure, one.label, ", ".join(one.hypotheses))
-        share = hits / studies
-        rows.append(
-            (
-                count(found.participants),
-                *(words(name) for name in names),
-                *(number(share, 3), number(low, 3), number(high, 3)),
-            )
-        )
-    return rows
+        if not one.is_null:
+            names = (one.analysis, one.measure, one.label, ", ".join(one.hypotheses))
+            shares = (hits / studies, *(wilson(hits, studies) or (None, None)))
+            yield found.participants, *names, *(number(share, 3) for share in shares)
 
 
-def needed_in_words(found: PowerReport, plan: StudyPlan) -> str:
-    """Return how many participants are enough, as a sentence."""
+def _needed(found: PowerReport, plan: StudyPlan) -> str:
     if not found.is_searched:
         return "No difference is expected by any declared test, so no number is enough."
     which = "every test of a hypothesis" if plan.hypotheses else "every declared test"
@@ -160,16 +129,17 @@ def needed_in_words(found: PowerReport, plan: StudyPlan) -> str:
     return f"{found.needed} participants give {which} a power of at least {plan.power:g}."
 
 
-def _assumed_in_words(study: StudyDefinition, found: PowerReport) -> list[str]:
-    """A sentence for all measures of which the same is assumed."""
+def _assumptions(study: StudyDefinition, found: PowerReport) -> list[str]:
     measures: dict[str, list[str]] = {}
     for measure, one in found.assumptions.items():
-        said = f"({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."
-        measures.setdefault(said, []).append(measure)
-    return [f"{', '.join(names)} {said}" for said, names in measures.items()]
+        text = f"({one.source}): {_means(study, one)}; correlation {one.correlation:.2f}."
+        measures.setdefault(text, []).append(measure)
+    return [f"{', '.join(names)} {text}" for text, names in measures.items()]
 
 
 def _means(study: StudyDefinition, one: Assumption) -> str:
+    if one.levels:
+        return ", ".join(f"{key} {level:.4g}" for key, level in one.levels.items())
     if not one.means:
         return "0.5 SD between the sides of each test"
     return ", ".join(

@@ -1,52 +1,37 @@
-"""Power by simulation: studies are made up from assumptions, and analysed by the statistics that
-will analyse the real one; power is the share of them in which a test is significant.
+"""Power by simulation: studies are drawn from assumptions (draws.py) and analysed by the statistics
+that will analyse the real one, in the families in which the report corrects them; power is the
+share of them in which a test is significant. Families include tests without an assumption.
 
-Values are normal. A participant's values in several conditions correlate equally: each is √r of a
-part that is the participant's own, and √(1-r) of one that is not. Answers are simulated as if they
-were continuous, and measures as if they were independent of each other. All studies of one call
-are analysed together, as arrays (studies, participants, conditions).
+Answers are simulated as if they were continuous, measures as if they were independent of each
+other, and covariates as if they explained nothing. All studies of one call are analysed together,
+as arrays (studies, participants, conditions), except models by statsmodels.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from typing import cast
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Floats
-from experiments.analysis.power.assumptions import DIFFERENCE, Assumption, assumed
-from experiments.analysis.statistics.comparisons import (
-    friedman,
-    holm_rows,
-    paired,
-    welch,
-    welch_f,
+from experiments.analysis.power.draws import (
+    Draws,
+    Found,
+    Orders,
+    SimulatedTest,
+    assumed,
+    correlated,
 )
-from experiments.analysis.statistics.mixed_model_batch import term_p_values
-from experiments.analysis.statistics.mixed_models import CannotFitError, design_of
-from experiments.analysis.statistics.rank_tests import kruskal, rank_sum_u, signed_rank_p
-from experiments.definition.analyses import DeclaredAnalysis
+from experiments.analysis.power.simulated_models import modelled
+from experiments.analysis.statistics.comparisons import holm_rows
+from experiments.analysis.statistics.conditions import Compared, p_values
+from experiments.analysis.statistics.regression import DriveOutcome, Family, compare_drives
+from experiments.analysis.tables.declared import conditions_of, contrasts_of
+from experiments.dataset.columns import Floats
+from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
-from experiments.definition.plan import deciding_hypotheses
 from experiments.definition.schema import StudyDefinition
-from surveys.documents import spoken
 
 AT_ONCE = 3_000_000  # values of simulated studies in memory
-Orders = Mapping[tuple[str, ...], Sequence[tuple[str, ...]]]  # those of a kind of participant
-Samples = Sequence[Floats]  # of each kind of participant: (studies, participants, conditions)
-
-
-@dataclass(frozen=True)
-class SimulatedTest:
-    """One test of the declared analyses: its label in their table, the hypotheses that it decides
-    on, and its family (tests that are corrected together).
-    """
-
-    analysis: str
-    measure: str
-    label: str
-    hypotheses: tuple[str, ...] = ()
-    family: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,300 +53,149 @@ def simulate(
     studies: int,
     seed: int,
     *,
-    observed: Mapping[str, Assumption] | None = None,
     orders: Orders | None = None,
 ) -> SimulatedStudies:
-    """Return simulated studies.
-
-    Args:
-        study: the definition.
-        participants: in all, spread evenly over the kinds of participants (those who have the same
-            conditions).
-        studies: how many are made up.
-        seed: of their chance; the same one makes the same studies.
-        observed: assumptions from data, by measure.
-        orders: the orders of conditions of each kind of participant, for models with `period` or
-            `order`; else all have that of the definition.
+    """Return simulated studies; the same seed gives the same ones. `orders` has the orders of each
+    kind of participant, for models with `period` or `order`; by default, the definition's.
     """
     kinds = conditions_together(study)
-    sizes = _sizes(participants, len(kinds))
-    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
+    each, more = divmod(participants, len(kinds))
+    sizes = {kind: each + (n < more) for n, kind in enumerate(kinds)}
     chunk = max(1, AT_ONCE // (participants * max(map(len, kinds))))
     tests: list[SimulatedTest] = []
-    columns: list[Floats] = []
+    found: list[Floats] = []  # p values of each test, as assumed
+    alone: list[Floats] = []  # and with nothing to find, while another one has its default effect
+    measures = dict.fromkeys(one for it in study.analyses for one in it.measures)
     for number, measure in enumerate(measures):
-        assumption = assumed(study, measure, observed)
         rng = np.random.default_rng([seed, participants, number])
+        about = assumed(study, measure)
         parts = []
         for start in range(0, studies, chunk):
-            noise = _noise(rng, min(chunk, studies - start), kinds, sizes, assumption.correlation)
-            draws = _Draws(study, kinds, assumption, noise, orders or {})
-            found = list(_of_measure(draws, measure))
-            parts.append([p for _, p in found])
-        tests += [test for test, _ in found]
-        columns += [np.concatenate(own) for own in zip(*parts, strict=True)]
-    p = np.stack(columns, axis=1) if columns else np.empty((studies, 0))
-    return SimulatedStudies(participants, tuple(tests), _corrected(tests, p))
+            size = min(chunk, studies - start)
+            noise = {
+                kind: correlated(rng, (size, people, len(kind)), about.correlation)
+                for kind, people in sizes.items()
+            }
+            parts.append(list(_of_measure(Draws(study, about, orders or {}, noise), measure)))
+        for same in zip(*parts, strict=True):
+            tests.append(same[0][0])
+            found.append(np.concatenate([own for _, own, _ in same]))
+            alone.append(np.concatenate([without for _, _, without in same]))
+    if not tests:
+        return SimulatedStudies(participants, (), np.empty((studies, 0)))
+    p = _corrected(study, tests, np.stack(found, axis=1), np.stack(alone, axis=1))
+    return SimulatedStudies(participants, tuple(tests), p)
 
 
-def _sizes(participants: int, kinds: int) -> list[int]:
-    return [participants // kinds + (n < participants % kinds) for n in range(kinds)]
-
-
-def _noise(
-    rng: np.random.Generator,
-    studies: int,
-    kinds: Sequence[Sequence[str]],
-    sizes: Sequence[int],
-    correlation: float,
-) -> list[Floats]:
-    """Return standard normal values, of which those of a participant correlate."""
-    return [
-        np.sqrt(correlation) * rng.standard_normal((studies, size, 1))
-        + np.sqrt(1.0 - correlation) * rng.standard_normal((studies, size, len(kind)))
-        for kind, size in zip(kinds, sizes, strict=True)
-    ]
-
-
-def _corrected(tests: Sequence[SimulatedTest], p: Floats) -> Floats:
-    corrected = np.empty_like(p)
-    for family in dict.fromkeys(one.family for one in tests):
-        own = [n for n, one in enumerate(tests) if one.family == family]
-        corrected[:, own] = holm_rows(p[:, own])
+def _corrected(
+    study: StudyDefinition, tests: Sequence[SimulatedTest], found: Floats, alone: Floats
+) -> Floats:
+    """Return p values corrected as the report does: within the family of the plan that has a
+    hypothesis of the test, otherwise within its analysis. Each is corrected beside the others of
+    its family, in which nothing else is found where each test has its default effect.
+    """
+    corrected = np.empty_like(found)
+    families = [set(it.hypotheses) for it in study.plan.families] if study.plan is not None else []
+    for number, one in enumerate(tests):
+        planned = next((it for it in families if it.intersection(one.hypotheses)), None)
+        own = [
+            n
+            for n, other in enumerate(tests)
+            if (planned.intersection(other.hypotheses) if planned else other.family == one.family)
+        ]
+        values = alone[:, own]
+        values[:, own.index(number)] = found[:, number]
+        corrected[:, number] = holm_rows(values)[:, own.index(number)]
     return corrected
 
 
-@dataclass(frozen=True, eq=False)
-class _Draws:
-    """The noise of one measure, and what is assumed of it."""
-
-    study: StudyDefinition
-    kinds: Sequence[tuple[str, ...]]
-    assumption: Assumption
-    noise: Samples
-    orders: Orders
-
-    def samples(self, raised: Sequence[str] = ()) -> list[Floats]:
-        """Return values of every kind of participant; where the means are not assumed, those of
-        `raised` conditions lie above the others.
-        """
-        about = self.assumption
-        found = []
-        for kind, noise in zip(self.kinds, self.noise, strict=True):
-            sds = np.array([about.sd(key) for key in kind])
-            means = [
-                about.mean(key) if about.means else DIFFERENCE * about.sd(key) * (key in raised)
-                for key in kind
-            ]
-            found.append(noise * sds + np.array(means))
-        return found
-
-    def differ(self, first: Sequence[str], second: Sequence[str]) -> bool:
-        """Tell whether two sides are assumed to differ."""
-        if not self.assumption.means:
-            return True
-        a, b = (np.mean([self.assumption.mean(key) for key in side]) for side in (first, second))
-        return bool(abs(a - b) > 0.0)
-
-
-Found = Iterator[tuple[SimulatedTest, Floats]]
-
-
-def _of_measure(draws: _Draws, measure: str) -> Found:
+def _of_measure(draws: Draws, measure: str) -> Found:
     for analysis in draws.study.analyses:
-        if measure not in analysis.measures:
-            continue
-        if analysis.test == "mixed":
-            yield from _mixed(draws, analysis, measure)
-        else:
-            yield from _compared(draws, analysis, measure)
-
-
-def _named(
-    study: StudyDefinition,
-    analysis: DeclaredAnalysis,
-    measure: str,
-    label: str,
-    *,
-    contrast: int | None = None,
-    effect: str = "",
-) -> SimulatedTest:
-    found = deciding_hypotheses(study.plan, analysis, measure, contrast=contrast, effect=effect)
-    keys = tuple(one.key for one in found)
-    families = study.plan.families if study.plan is not None else ()
-    own = next((one.key for one in families if set(one.hypotheses) & set(keys)), None)
-    # a test of all conditions at once is corrected with its like, as in the table
-    at_once = " at once" if contrast is None and not effect else ""
-    family = f"analysis {analysis.key}{at_once}" if own is None else f"family {own}"
-    return SimulatedTest(analysis.key, measure, label, keys, family)
+        if measure in analysis.measures:
+            analysed = modelled if analysis.is_model else _compared
+            yield from analysed(draws, analysis, measure)
 
 
 # --- contrasts, and several conditions at once ----------------------------------------------------
 
 
-def _compared(draws: _Draws, analysis: DeclaredAnalysis, measure: str) -> Found:
-    study, by_ranks = draws.study, analysis.test == "ranks"
-    keys = analysis.conditions or tuple(one.key for one in study.conditions)
-    if not analysis.contrasts:
-        test = _named(study, analysis, measure, "all")
-        yield test, _at_once(draws.kinds, draws.samples(keys[-1:]), keys, by_ranks=by_ranks)
-    for number, (label, first, second) in enumerate(_pairs(study, analysis, keys), start=1):
-        if not draws.differ(first, second):
-            continue
-        test = _named(study, analysis, measure, label, contrast=number)
-        samples = draws.samples(first)
-        yield test, two_sides(draws.kinds, samples, first, second, by_ranks=by_ranks)
-
-
-def _pairs(
-    study: StudyDefinition, analysis: DeclaredAnalysis, keys: Sequence[str]
-) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    if analysis.contrasts:
-        language = study.languages[0]
-        return [(spoken(it.title, language), it.first, it.second) for it in analysis.contrasts]
-    if not analysis.post_hoc:
-        return []
-    return [(f"{a} − {b}", (a,), (b,)) for a, b in combinations(keys, 2)]
-
-
-def two_sides(
-    kinds: Sequence[tuple[str, ...]],
-    samples: Samples,
-    first: Sequence[str],
-    second: Sequence[str],
-    *,
-    by_ranks: bool,
-) -> Floats:
-    """Return the p values of a contrast, (studies,): paired where a participant has conditions of
-    both sides.
-    """
-    sides = [
-        [_side(kind, own, keys) for keys in (first, second)]
-        for kind, own in zip(kinds, samples, strict=True)
-    ]
-    both = [(a, b) for a, b in sides if a is not None and b is not None]
-    if both:
-        a, b = (np.concatenate([pair[n] for pair in both], axis=1) for n in (0, 1))
-        return signed_rank_p(a - b) if by_ranks else paired(a, b)[1]
-    a, b = (
-        np.concatenate([pair[n] for pair in sides if pair[n] is not None], axis=1) for n in (0, 1)
+def _compared(draws: Draws, analysis: DeclaredAnalysis, measure: str) -> Found:
+    study, test = draws.study, analysis.test
+    keys, contrasts = (
+        conditions_of(study, analysis),
+        contrasts_of(study, analysis, study.languages[0]),
     )
-    return rank_sum_u(a, b)[1] if by_ranks else welch(a, b)[1]
+    is_assumed = draws.is_assumed(test)
+    if not analysis.contrasts:
+        is_null = is_assumed and len({draws.location(test, key) for key in keys}) == 1
+        named = draws.test(analysis, measure, "all", is_null=is_null)
+        yield named, *_with_and_without(draws, test, [(key,) for key in keys], keys[-1:])
+    for number, (label, first, second) in enumerate(contrasts, start=1):
+        a, b = (np.mean([draws.location(test, key) for key in side]) for side in (first, second))
+        is_null = is_assumed and bool(a == b)
+        named = draws.test(analysis, measure, label, is_null=is_null, contrast=number)
+        yield named, *_with_and_without(draws, test, [first, second], first)
 
 
-def _side(kind: Sequence[str], samples: Floats, keys: Sequence[str]) -> Floats | None:
-    own = [n for n, key in enumerate(kind) if key in keys]
-    return samples[:, :, own].mean(axis=2) if own else None
+def _with_and_without(
+    draws: Draws, test: str, sides: Sequence[Sequence[str]], raised: Sequence[str]
+) -> tuple[Floats, Floats]:
+    """Return the p values of a test, (studies,), as assumed and with nothing to find."""
+    found = _tested(draws, test, sides, draws.samples(test, raised))
+    if draws.is_assumed(test):
+        return found, found
+    return found, _tested(draws, test, sides, draws.samples(test))
 
 
-def _at_once(
-    kinds: Sequence[tuple[str, ...]], samples: Samples, keys: Sequence[str], *, by_ranks: bool
+def _tested(
+    draws: Draws, test: str, sides: Sequence[Sequence[str]], samples: Sequence[Floats]
 ) -> Floats:
-    """Return the p values of a test of all conditions at once, (studies,); of two conditions it is
-    that of their contrast.
-    """
-    if len(keys) == 2:
-        return two_sides(kinds, samples, keys[:1], keys[1:], by_ranks=by_ranks)
-    whole = [n for n, kind in enumerate(kinds) if set(keys) <= set(kind)]
-    if whole:
-        tables = [samples[n][:, :, [kinds[n].index(key) for key in keys]] for n in whole]
-        return friedman(np.concatenate(tables, axis=1))[1]
+    """Return the p values of a comparison, (studies,): paired where a participant has all sides."""
+    own = [
+        [[at for at, key in enumerate(kind) if key in side] for side in sides]
+        for kind in draws.noise
+    ]
+    is_paired = any(all(places) for places in own)
+    is_single = all(len(places) <= 1 for kind in own for places in kind)
+    if test in FAMILIES and not (test == "proportions" and is_single):
+        return _by_drives(draws, cast("Family", test), sides, samples)
+    if test == "proportions":
+        samples = [
+            np.stack([draws.outcome(test, key, x[..., at])[0] for at, key in enumerate(kind)], -1)
+            for kind, x in zip(draws.noise, samples, strict=True)
+        ]
     groups = [
         np.concatenate(
             [
-                own[:, :, kind.index(key)]
-                for kind, own in zip(kinds, samples, strict=True)
-                if key in kind
+                x[..., places[side]].mean(axis=-1)
+                for x, places in zip(samples, own, strict=True)
+                if (all(places) if is_paired else places[side])
             ],
             axis=1,
         )
-        for key in keys
+        for side in range(len(sides))
     ]
-    return kruskal(groups)[1] if by_ranks else welch_f(groups)[2]
+    return p_values(groups, is_paired=is_paired, by=cast("Compared", test))
 
 
-# --- mixed models ---------------------------------------------------------------------------------
-
-
-def _mixed(draws: _Draws, analysis: DeclaredAnalysis, measure: str) -> Found:
-    """Without assumed means, the last level of each factor is raised; then only the effects of
-    factors are tested, because nothing is assumed of interactions, periods and orders.
-    """
-    study = draws.study
-    simulated = [
-        effect
-        for effect in analysis.effects
-        if draws.assumption.means or effect in _raised_by(study)
+def _by_drives(
+    draws: Draws, family: Family, sides: Sequence[Sequence[str]], samples: Sequence[Floats]
+) -> Floats:
+    """Return the p values of sides of drives, (studies,), a study at a time; 1 without a test."""
+    drawn = [
+        (str(side), key, f"{kind}-{person:06d}", x[:, person, at])
+        for kind, (keys, x) in enumerate(zip(draws.noise, samples, strict=True))
+        for at, key in enumerate(keys)
+        for side, of_side in enumerate(sides)
+        if key in of_side
+        for person in range(x.shape[1])
     ]
-    p = _fitted(draws, analysis)
-    for effect in simulated:
-        test = _named(study, analysis, measure, effect, effect=effect)
-        yield test, p[:, analysis.effects.index(effect)]
-
-
-def _fitted(draws: _Draws, analysis: DeclaredAnalysis) -> Floats:
-    """Return the p values of every effect, (studies, effects); 1 where the model cannot be fitted
-    to so few participants.
-    """
-    rows, who, places = _observations(draws, analysis)
-    samples = draws.samples()
-    outcomes = np.stack(
-        [samples[kind][:, person, column] for kind, person, column in places], axis=1
-    )
-    if not draws.assumption.means:
-        outcomes += np.array([_raised(draws, analysis, row) for row in rows])
-    try:
-        design = design_of(_levels(draws.study, rows), analysis.effects, rows, analysis.coding)
-        return term_p_values(outcomes, design, analysis.effects, who)
-    except CannotFitError:
-        return np.ones((len(outcomes), len(analysis.effects)))
-
-
-def _raised_by(study: StudyDefinition) -> dict[str, str]:
-    """Return the level that is raised by default, by factor."""
-    last = {factor.key: factor.levels[-1].key for factor in study.factors}
-    return {**last, "condition": study.conditions[-1].key}
-
-
-def _raised(draws: _Draws, analysis: DeclaredAnalysis, row: Mapping[str, str]) -> float:
-    last = _raised_by(draws.study)
-    count = sum(row.get(effect) == last[effect] for effect in analysis.effects if effect in last)
-    return DIFFERENCE * draws.assumption.sd(row["condition"]) * count
-
-
-Rows = list[dict[str, str]]
-
-
-def _observations(
-    draws: _Draws, analysis: DeclaredAnalysis
-) -> tuple[Rows, list[str], list[tuple[int, int, int]]]:
-    """Return the levels of each observation, whose it is, and its place: kind of participant,
-    participant, and condition.
-    """
-    rows: Rows = []
-    who: list[str] = []
-    places: list[tuple[int, int, int]] = []
-    for kind, (keys, noise) in enumerate(zip(draws.kinds, draws.noise, strict=True)):
-        orders = draws.orders.get(keys, (keys,))
-        for person in range(noise.shape[1]):
-            order = orders[person % len(orders)]
-            for column, key in enumerate(keys):
-                condition = draws.study.condition(key)
-                if condition is None or (analysis.conditions and key not in analysis.conditions):
-                    continue
-                own = {"condition": key, "order": "-".join(order)}
-                rows.append({**condition.levels, **own, "period": str(order.index(key) + 1)})
-                who.append(f"{kind}-{person:06d}")
-                places.append((kind, person, column))
-    return rows, who, places
-
-
-def _levels(study: StudyDefinition, rows: Rows) -> dict[str, list[str]]:
-    written = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
-    written["condition"] = [condition.key for condition in study.conditions]
-    given = {name: {row[name] for row in rows if name in row} for name in written}
-    found = {
-        name: [level for level in levels if level in given[name]]
-        for name, levels in written.items()
-    }
-    return found | {name: sorted({row[name] for row in rows}) for name in ("period", "order")}
+    labels, conditions, who, normal = zip(*drawn, strict=True)
+    found = []
+    for drives in draws.drives(family, who, conditions, np.stack(normal, axis=1)):
+        own: dict[str, list[DriveOutcome]] = {str(side): [] for side in range(len(sides))}
+        for label, one in zip(labels, drives, strict=True):
+            own[label].append(one)
+        test = compare_drives(family, own, with_ratio=False)
+        found.append(test.p if test.is_known else 1.0)
+    return np.array(found)

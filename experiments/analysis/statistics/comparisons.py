@@ -1,21 +1,11 @@
-"""Tests that compare samples, each with everything that is printed of it; a participant, never a
-session, is the unit.
+"""Tests of means and of relations, each with its effect size; a participant, never a session, is
+the unit. docs/explanation/statistics.md has the sources, and how often each is wrong.
 
-- Two conditions: Welch's t test between participants (Welch, 1947), the paired t test within them.
-  The effect is Cohen's d with the pooled standard deviation, or d_z; its interval inverts the
-  noncentral t distribution (Steiger and Fouladi, 1997), for d with the t of the pooled variance.
-- More than two: Welch's analysis of variance (Welch, 1951) between, with η²p of the ordinary one,
-  whose interval inverts the noncentral F distribution (Steiger, 2004); Friedman's test within, with
-  Kendall's W, whose interval comes from resampling participants.
-- A relation: Spearman's rank correlation with the t approximation of its p value, and the interval
-  of Bonett and Wright (2000).
-- Several tests of one question: Holm (1979), each member of the family once.
-
-All intervals are of 95 %. A sample without variance is said in words: a difference of its size in
-rounding would otherwise be divided by, and give a t of 1e16.
-
-`welch`, `paired`, `welch_f` and `friedman` take arrays with any leading axes, so that a thousand
-simulated studies are one call; so do `holm_rows`, and the p values of rank_tests.py.
+The effect of two conditions is d, the difference over the root of the mean of both variances, with
+an interval that lets variances differ as Welch's test does (Bonett, 2008), or d_z within
+participants. That of more conditions is η²p, without an interval: the known ones assume equal
+variances. All intervals are of 95 %. A sample without variance has a remark and no test: a division
+by what rounding leaves of it would give a t of 1e16.
 """
 
 import math
@@ -25,12 +15,12 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
+from experiments.dataset.columns import Floats
 
 LEVEL = 0.95
 LOWER, UPPER = (1.0 - LEVEL) / 2.0, (1.0 + LEVEL) / 2.0
+Z = float(scipy.special.ndtri(UPPER))
 ROUNDING = 1e-9  # relative; differences below it come from rounding alone
-RESAMPLES, SEED = 2000, 1939  # of participants, for the interval of Kendall's W
 DIGITS = 12  # that two values share which are a tie
 NO_VARIANCE = "no variance"
 EQUAL_DIFFERENCES = "no variance: all differences are equal"
@@ -51,40 +41,23 @@ UNKNOWN = IntervalEstimate()
 
 @dataclass(frozen=True)
 class Test:
-    """A test of one hypothesis.
-
-    Attributes:
-        name: what it is called; "–" where there was none.
-        n: participants that were tested; pairs, for a paired test.
-        statistic: its value; NaN where there was no test, and then `remark` says why.
-        df: degrees of freedom, none to two.
-        p: two-sided.
-        difference: of the two means (or of the locations, for a test of ranks), first less second.
-        effect_name: what the size of the effect is called.
-        effect: the size.
-        remark: what was left out of the test and why, parts divided by "; ".
-    """
-
-    name: str
-    n: int
-    statistic: float = math.nan
-    df: tuple[float, ...] = ()
-    p: float = math.nan
-    difference: IntervalEstimate = UNKNOWN
+    name: str  # "–" without a test
+    n: int  # participants tested; pairs, for a paired test
+    statistic: float = math.nan  # NaN without a test; `remark` then gives the reason
+    df: tuple[float, ...] = ()  # none to two
+    p: float = math.nan  # two-sided
+    difference: IntervalEstimate = UNKNOWN  # of means, locations or shares, first less second
     effect_name: str = ""
     effect: IntervalEstimate = UNKNOWN
-    remark: str = ""
+    remark: str = ""  # what was left out of the test and why, parts divided by "; "
 
     @property
     def is_known(self) -> bool:
-        """Tell whether there was anything to test."""
         return math.isfinite(self.p)
 
 
 def is_constant(values: Floats, scale: float = 0.0) -> bool:
-    """Tell whether values differ by no more than rounding, of themselves or of numbers as large as
-    `scale`.
-    """
+    """Tell whether values differ by rounding alone: theirs, or that of numbers of size `scale`."""
     largest = max(scale, float(np.abs(values).max(initial=0.0)))
     return bool(np.ptp(values) <= ROUNDING * largest) if len(values) else True
 
@@ -101,63 +74,17 @@ def tied(values: Floats) -> Floats:
 # --- two samples ----------------------------------------------------------------------------------
 
 
-def welch(first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Return t and two-sided p of the difference of two groups' means, along the last axis; NaN
-    with fewer than two in one, or without any variance.
-    """
-    n, m = first.shape[-1], second.shape[-1]
-    if min(n, m) < 2:
-        nothing = np.full(np.broadcast_shapes(first.shape[:-1], second.shape[:-1]), np.nan)
-        return nothing, nothing
-    a, b = first.var(axis=-1, ddof=1) / n, second.var(axis=-1, ddof=1) / m
-    with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.where(a + b > 0.0, np.sqrt(a + b), np.nan)
-        t = (first.mean(axis=-1) - second.mean(axis=-1)) / error
-        freedom = (a + b) ** 2 / (a**2 / (n - 1) + b**2 / (m - 1))
-    return t, 2.0 * scipy.special.stdtr(freedom, -np.abs(t))
-
-
-def paired(first: Floats, second: Floats) -> tuple[Floats, Floats]:
-    """Return t and two-sided p of the mean difference of pairs, along the last axis; NaN with fewer
-    than two, or without any variance.
-    """
-    differences = first - second
-    n = differences.shape[-1]
-    if n < 2:
-        return np.full(differences.shape[:-1], np.nan), np.full(differences.shape[:-1], np.nan)
-    sd = differences.std(axis=-1, ddof=1)
-    t = differences.mean(axis=-1) / (np.where(sd > 0.0, sd, np.nan) / math.sqrt(n))
-    return t, 2.0 * scipy.special.stdtr(n - 1, -np.abs(t))
-
-
 def between(first: Floats, second: Floats) -> Test:
-    """Compare two groups of participants; the effect is Cohen's d."""
-    n, m = len(first), len(second)
-    if min(n, m) < 2:
-        return Test("Welch t", n + m, remark=TOO_FEW)
+    n = len(first) + len(second)
     difference = float(first.mean() - second.mean())
     scale = float(np.abs(np.concatenate((first, second))).max())
     if is_constant(first, scale) and is_constant(second, scale):
-        return Test("Welch t", n + m, difference=IntervalEstimate(difference), remark=NO_VARIANCE)
-    a, b = float(first.var(ddof=1)) / n, float(second.var(ddof=1)) / m
-    error = math.sqrt(a + b)
-    freedom = (a + b) ** 2 / (a**2 / (n - 1) + b**2 / (m - 1))
-    pooled = math.sqrt(((n - 1) * n * a + (m - 1) * m * b) / (n + m - 2))
-    t = difference / error
-    return Test(
-        "Welch t",
-        n + m,
-        t,
-        (freedom,),
-        float(2.0 * scipy.special.stdtr(freedom, -abs(t))),
-        _around(difference, error, freedom),
-        "d",
-        standardized(difference / pooled, n * m / (n + m), n + m - 2),
-    )
+        return Test("Welch t", n, difference=IntervalEstimate(difference), remark=NO_VARIANCE)
+    found = scipy.stats.ttest_ind(first, second, equal_var=False)
+    return Test("Welch t", n, *_of_t(found, difference), "d", _standardized(first, second))
 
 
 def within(first: Floats, second: Floats) -> Test:
-    """Compare two conditions that the same participants had; the effect is d_z."""
     n = len(first)
     if n < 2:
         return Test("paired t", n, remark=TOO_FEW)
@@ -166,197 +93,116 @@ def within(first: Floats, second: Floats) -> Test:
     scale = float(np.abs(np.concatenate((first, second))).max())
     if is_constant(differences, scale):
         return Test("paired t", n, difference=IntervalEstimate(mean), remark=EQUAL_DIFFERENCES)
-    sd = float(differences.std(ddof=1))
-    t = mean / (sd / math.sqrt(n))
-    return Test(
-        "paired t",
-        n,
-        t,
-        (float(n - 1),),
-        float(2.0 * scipy.special.stdtr(n - 1, -abs(t))),
-        _around(mean, sd / math.sqrt(n), n - 1),
-        "d_z",
-        standardized(mean / sd, n, n - 1),
-    )
+    found = scipy.stats.ttest_1samp(differences, 0.0)
+    return Test("paired t", n, *_of_t(found, mean), "d_z", standardized(found.statistic, n))
 
 
-def _around(value: float, error: float, freedom: float) -> IntervalEstimate:
-    slack = float(scipy.special.stdtrit(freedom, UPPER)) * error
-    return IntervalEstimate(value, value - slack, value + slack)
+def _of_t(
+    found: "scipy.stats._stats_py.TtestResult", difference: float
+) -> tuple[float, tuple[float, ...], float, IntervalEstimate]:
+    bounds = found.confidence_interval(LEVEL)
+    estimate = IntervalEstimate(difference, float(bounds.low), float(bounds.high))
+    return float(found.statistic), (float(found.df),), float(found.pvalue), estimate
 
 
-def standardized(size: float, weight: float, freedom: float) -> IntervalEstimate:
-    """Return a standardized difference with its interval: t = size·√weight has a noncentral t
-    distribution, and the bounds are the noncentralities that put it at 2.5 and 97.5 %.
+def standardized(t: float, n: int) -> IntervalEstimate:
+    """Return d_z with its interval: t = d_z·√n has a noncentral t distribution, and the bounds are
+    the noncentralities that put it at 2.5 and 97.5 %.
     """
-    root = math.sqrt(weight)
-    low, high = (
-        float(scipy.special.nctdtrinc(freedom, tail, size * root)) / root for tail in (UPPER, LOWER)
-    )
-    return IntervalEstimate(size, low, high)
+    bounds = [float(scipy.special.nctdtrinc(n - 1, tail, t)) for tail in (UPPER, LOWER)]
+    return IntervalEstimate(*(one / math.sqrt(n) for one in (float(t), *bounds)))
+
+
+def _standardized(first: Floats, second: Floats) -> IntervalEstimate:
+    """Return d of two groups whose variances may differ (Bonett, 2008, equation 12)."""
+    variances = np.array([first.var(ddof=1), second.var(ddof=1)])
+    df = np.array([len(first) - 1.0, len(second) - 1.0])
+    whole = float(variances.mean())
+    d = float(first.mean() - second.mean()) / math.sqrt(whole)
+    of_sd = d * d * (variances**2 / df).sum() / (8.0 * whole**2)
+    slack = Z * math.sqrt(float(of_sd + (variances / df).sum() / whole))
+    return IntervalEstimate(d, d - slack, d + slack)
 
 
 # --- several samples ------------------------------------------------------------------------------
 
 
 def several_between(groups: Sequence[Floats]) -> Test:
-    """Compare three or more groups of participants, each with variance (Welch's F); the effect is
-    η²p, which is η² because there is one factor.
-    """
-    total = sum(len(group) for group in groups)
-    if min(len(group) for group in groups) < 2:
-        return Test("Welch F", total, remark=TOO_FEW)
-    if any(is_constant(group) for group in groups):
-        return Test("Welch F", total, remark=NO_VARIANCE)
-    f, inner, p = (float(one) for one in welch_f(groups))
-    return Test(
-        "Welch F",
-        total,
-        f,
-        (len(groups) - 1.0, inner),
-        p,
-        effect_name="η²p",
-        effect=_eta_squared(groups),
-    )
+    """Compare three or more groups, each with variance (Welch's F); η²p is η² with one factor."""
+    from statsmodels.stats.oneway import anova_oneway  # noqa: PLC0415 - not on robots
 
-
-def welch_f(groups: Sequence[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Return Welch's F of groups, (…, n) each, along the last axis, with the degrees of freedom of
-    its denominator and its p value.
-    """
-    k = len(groups)
-    means = np.stack([group.mean(axis=-1) for group in groups], axis=-1)
-    sizes = np.array([group.shape[-1] for group in groups], dtype=np.float64)
-    weights = sizes / np.stack([group.var(axis=-1, ddof=1) for group in groups], axis=-1)
-    total = weights.sum(axis=-1, keepdims=True)
-    centre = (weights * means).sum(axis=-1, keepdims=True) / total
-    slack = ((1.0 - weights / total) ** 2 / (sizes - 1)).sum(axis=-1)
-    spread = (weights * (means - centre) ** 2).sum(axis=-1) / (k - 1)
-    f = spread / (1.0 + 2.0 * (k - 2) / (k * k - 1) * slack)
-    inner = (k * k - 1) / (3.0 * slack)
-    return f, inner, np.asarray(scipy.special.fdtrc(k - 1.0, inner, f))
-
-
-def _eta_squared(groups: Sequence[Floats]) -> IntervalEstimate:
+    found = anova_oneway(groups, use_var="unequal")
     values = np.concatenate(groups)
-    total = float(((values - values.mean()) ** 2).sum())
-    inside = math.fsum(float(((group - group.mean()) ** 2).sum()) for group in groups)
-    size = 1.0 - inside / total
-    n, k = len(values), len(groups)
-    f = size / (1.0 - size) * (n - k) / (k - 1)
-    bounds = (float(scipy.special.ncfdtrinc(k - 1, n - k, tail, f)) for tail in (UPPER, LOWER))
-    low, high = (bound / (bound + n) for bound in bounds)
-    return IntervalEstimate(size, low, high)
+    within_groups = math.fsum(len(group) * float(group.var()) for group in groups)
+    effect = IntervalEstimate(1.0 - within_groups / (len(values) * float(values.var())))
+    f, p, *df = map(float, (found.statistic, found.pvalue, found.df_num, found.df_denom))
+    return Test("Welch F", len(values), f, tuple(df), p, effect_name="η²p", effect=effect)
 
 
 def several_within(table: Floats) -> Test:
-    """Compare three or more conditions that the same participants had, (n, k), by their ranks; the
-    effect is Kendall's W.
-    """
-    n, k = table.shape
-    name = "Friedman χ²"
+    n = len(table)
+    name = "repeated-measures F"
     if n < 2:
         return Test(name, n, remark=TOO_FEW)
-    values = tied(table)
-    if (values == values[:, :1]).all():
-        return Test(name, n, remark=NO_VARIANCE)
-    chi2, p = (float(one) for one in friedman(values))
-    return Test(
-        name,
-        n,
-        chi2,
-        (k - 1.0,),
-        p,
-        effect_name="W (Kendall)",
-        effect=_concordance(chi2 / (n * (k - 1)), values),
-    )
+    spreads = table - table[:, :1]
+    if all(is_constant(one, float(np.abs(table).max())) for one in spreads.T):
+        return Test(name, n, remark=EQUAL_DIFFERENCES)
+    f, df, p = map(float, repeated_measures(table))
+    effect = IntervalEstimate(f / (f + n - 1.0))
+    return Test(name, n, f, (df, df * (n - 1.0)), p, effect_name="η²p", effect=effect)
 
 
-def friedman(table: Floats) -> tuple[Floats, Floats]:
-    """Return Friedman's χ² and its p value of conditions that the same participants had, (…, n, k);
-    NaN where no participant has two different values.
+def repeated_measures(table: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return F of the analysis of variance for repeated measures, (…, n, k), its numerator's
+    degrees of freedom (Greenhouse and Geisser; the denominator has n - 1 times as many), and p.
+
+    With S, the covariance of k - 1 orthonormal contrasts, ε is (tr S)² / ((k - 1) tr S²) (Box,
+    1954).
     """
     n, k = table.shape[-2:]
-    ranks = scipy.stats.rankdata(table, axis=-1)
-    sums = ranks.sum(axis=-2)
-    # the ranks' variance is less with ties: Conover, Practical Nonparametric Statistics, 5.8
-    spread = (ranks**2).sum(axis=(-1, -2)) - n * k * (k + 1.0) ** 2 / 4.0
-    with np.errstate(divide="ignore", invalid="ignore"):
-        chi2 = (k - 1.0) * ((sums - n * (k + 1.0) / 2.0) ** 2).sum(axis=-1) / spread
-    return chi2, np.asarray(scipy.special.chdtrc(k - 1.0, chi2))
-
-
-def _concordance(size: float, table: Floats) -> IntervalEstimate:
-    """Return W with the 2.5 and 97.5 % quantiles of the W of resampled participants."""
-    n, k = table.shape
-    ranks = scipy.stats.rankdata(table, axis=1)
-    ties = np.array([_tie_term(row) for row in ranks])
-    drawn = np.random.default_rng(SEED).multinomial(n, np.full(n, 1.0 / n), RESAMPLES)
-    sums = drawn @ ranks
-    whole = n * k * (k * k - 1.0)
-    loss = 1.0 - drawn @ ties / whole
-    with np.errstate(divide="ignore", invalid="ignore"):
-        chi2 = (12.0 / (n * k * (k + 1.0)) * (sums**2).sum(axis=1) - 3.0 * n * (k + 1.0)) / loss
-    found = chi2[np.isfinite(chi2)] / (n * (k - 1))
-    low, high = np.clip(np.quantile(found, (LOWER, UPPER)), 0.0, 1.0).tolist()
-    return IntervalEstimate(size, low, high)
-
-
-def _tie_term(ranks: Floats) -> float:
-    _, counts = np.unique(ranks, return_counts=True)
-    return float((counts.astype(np.float64) ** 3 - counts).sum())
+    scores = table @ scipy.linalg.helmert(k).T  # (…, n, k - 1)
+    means = scores.mean(axis=-2)
+    centred = scores - means[..., None, :]
+    covariance = np.swapaxes(centred, -1, -2) @ centred / (n - 1.0)
+    trace = np.trace(covariance, axis1=-2, axis2=-1)
+    f = n * (means**2).sum(axis=-1) / trace
+    df = trace**2 / (covariance**2).sum(axis=(-1, -2))  # ε·(k - 1)
+    return f, df, np.asarray(scipy.special.fdtrc(df, df * (n - 1.0), f))
 
 
 # --- relations, and several tests -----------------------------------------------------------------
 
 
 def correlation(first: Floats, second: Floats) -> Test:
-    """Return Spearman's rank correlation of pairs; pairs with a NaN do not count, fewer than four
-    or one equal value give none.
-    """
     given = np.isfinite(first) & np.isfinite(second)
     x, y = tied(first[given]), tied(second[given])
-    n = len(x)
+    n, name = len(x), "Spearman ρ"
     if n < 4:
-        return Test("Spearman ρ", n, remark="fewer than four participants")
+        return Test(name, n, remark="fewer than four participants")
     if (x == x[0]).all() or (y == y[0]).all():
-        return Test("Spearman ρ", n, remark=NO_VARIANCE)
-    found = scipy.stats.spearmanr(x, y)
-    rho = float(found.statistic)
-    return Test(
-        "Spearman ρ",
-        n,
-        rho,
-        (n - 2.0,),
-        float(found.pvalue),
-        effect_name="ρ",
-        effect=_correlated(rho, n),
-    )
+        return Test(name, n, remark=NO_VARIANCE)
+    rho, p = map(float, scipy.stats.spearmanr(x, y))
+    effect = by_fisher(rho, math.sqrt((1.0 + rho * rho / 2.0) / (n - 3)))
+    return Test(name, n, rho, (n - 2.0,), p, effect_name="ρ", effect=effect)
 
 
-def _correlated(rho: float, n: int) -> IntervalEstimate:
-    if abs(rho) >= 1.0:
-        return IntervalEstimate(rho)
-    slack = float(scipy.special.ndtri(UPPER)) * math.sqrt((1.0 + rho * rho / 2.0) / (n - 3))
-    centre = math.atanh(rho)
-    return IntervalEstimate(rho, math.tanh(centre - slack), math.tanh(centre + slack))
+def by_fisher(size: float, error: float) -> IntervalEstimate:
+    """Return a number in [-1, 1] with its interval by Fisher's z of standard error `error`."""
+    if abs(size) >= 1.0:
+        return IntervalEstimate(size)
+    centre, slack = math.atanh(size), Z * error
+    return IntervalEstimate(size, math.tanh(centre - slack), math.tanh(centre + slack))
 
 
 def holm(values: Sequence[float], members: Sequence[Hashable] | None = None) -> tuple[float, ...]:
-    """Return p values that were corrected for being several; NaN stays, and does not count.
-
-    Args:
-        values: the p values.
-        members: what each tested. Those with equal ones are one member of the family: the same test
-            under two names is corrected for once, and keeps one p value.
+    """Return p values corrected by Holm's method; NaN stays, and does not count. Tests with equal
+    `members` are one: the same test under two names is corrected for once, and has one p value.
     """
     named = range(len(values)) if members is None else members
     distinct = {member: p for member, p in zip(named, values, strict=True) if math.isfinite(p)}
-    corrected, greatest = {}, 0.0
-    for rank, (member, p) in enumerate(sorted(distinct.items(), key=lambda one: one[1])):
-        greatest = max(greatest, min(1.0, p * (len(distinct) - rank)))
-        corrected[member] = greatest
-    return tuple(corrected.get(member, math.nan) for member in named)
+    corrected = holm_rows(np.array(list(distinct.values()), dtype=np.float64)).tolist()
+    found = dict(zip(distinct, corrected, strict=True))
+    return tuple(found.get(member, math.nan) for member in named)
 
 
 def holm_rows(values: Floats) -> Floats:

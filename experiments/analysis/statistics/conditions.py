@@ -1,70 +1,123 @@
-"""Conditions compared as they are: some with too few participants, some without variance, by means
-or by ranks, of the same participants or of different ones.
-"""
+"""Conditions compared by means, by ranks or as proportions, where some may lack participants."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from typing import Literal, NamedTuple
 
 import numpy as np
+import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import (
     Test,
     between,
     is_constant,
+    repeated_measures,
     several_between,
     several_within,
     within,
 )
-from experiments.analysis.statistics.rank_tests import rank_sums, several_ranked, signed_ranks
+from experiments.analysis.statistics.proportions import (
+    COCHRAN,
+    mcnemar_p,
+    paired_proportions,
+    several_proportions,
+    two_proportions,
+    two_proportions_p,
+)
+from experiments.analysis.statistics.rank_tests import (
+    rank_sums,
+    several_ranked,
+    several_ranked_within,
+    signed_rank_p,
+    signed_ranks,
+)
+from experiments.dataset.columns import Floats
 
+Compared = Literal["means", "ranks", "proportions"]
 NO_TEST = "–"
 ONE_CONDITION = "fewer than two conditions to compare"
 
 
+class _Tests(NamedTuple):
+    """The tests of two and of more conditions, of the same participants and of different ones."""
+
+    pairs: Callable[[Floats, Floats], Test]
+    several_within: Callable[[Floats], Test]
+    two_groups: Callable[[Floats, Floats], Test]
+    several_groups: Callable[[Sequence[Floats]], Test]
+
+
+TESTS: Mapping[Compared, _Tests] = {
+    "means": _Tests(within, several_within, between, several_between),
+    "ranks": _Tests(signed_ranks, several_ranked_within, rank_sums, several_ranked),
+    "proportions": _Tests(
+        paired_proportions,
+        lambda table: several_ranked_within(table, COCHRAN),
+        two_proportions,
+        several_proportions,
+    ),
+}
+
+
 def compare(
-    groups: Mapping[str, Mapping[str, float]], *, is_paired: bool, by_ranks: bool = False
+    groups: Mapping[str, Mapping[str, float]], *, is_paired: bool, by: Compared = "means"
 ) -> Test:
     """Return the test of a difference between conditions, each with a value a participant.
 
-    A condition with fewer than two participants, or between participants one without variance,
-    takes itself out; the others are compared, and the remark says which and why.
+    A condition is left out if it has fewer than two participants or, between participants, if its
+    values have no variance around their mean; the remark names it and the reason.
     """
-    needs_variance = not (is_paired or by_ranks)
+    needs_variance = by == "means" and not is_paired
     reasons = {key: _unfit(group, needs_variance) for key, group in groups.items()}
     kept = [group for key, group in groups.items() if not reasons[key]]
-    told = [f"{key}: {reason}" for key, reason in reasons.items() if reason]
+    remarks = [f"{key}: {reason}" for key, reason in reasons.items() if reason]
+    tests = TESTS[by]
     if len(kept) < 2:
         test = Test(NO_TEST, 0, remark=ONE_CONDITION)
+    elif is_paired:
+        table = complete(kept)
+        test = tests.pairs(*table.T) if len(kept) == 2 else tests.several_within(table)
     else:
-        test = (_paired_test if is_paired else _group_test)(kept, by_ranks=by_ranks)
-    return replace(test, remark="; ".join((*told, *filter(None, (test.remark,)))))
+        arrays = [_values(group) for group in kept]
+        test = tests.two_groups(*arrays) if len(kept) == 2 else tests.several_groups(arrays)
+    return replace(test, remark="; ".join((*remarks, *filter(None, (test.remark,)))))
+
+
+def _values(group: Mapping[str, float]) -> Floats:
+    return np.array(list(group.values()), dtype=np.float64)
 
 
 def _unfit(group: Mapping[str, float], needs_variance: bool) -> str:
     if len(group) < 2:
         return f"left out, n = {len(group)}"
-    if needs_variance and is_constant(np.array(list(group.values()), dtype=np.float64)):
-        return "left out, no variance"
-    return ""
-
-
-def _paired_test(groups: Sequence[Mapping[str, float]], *, by_ranks: bool) -> Test:
-    table = complete(groups)
-    two = signed_ranks if by_ranks else within
-    return two(table[:, 0], table[:, 1]) if len(groups) == 2 else several_within(table)
+    return "left out, no variance" if needs_variance and is_constant(_values(group)) else ""
 
 
 def complete(groups: Sequence[Mapping[str, float]]) -> Floats:
-    """Return the values of the participants who have one in every group, (n, k), in the order of
-    their codes.
-    """
+    """Return the values of participants who have one in every group, (n, k), by code."""
     shared = sorted(set.intersection(*(set(group) for group in groups)))
-    rows = [[group[who] for group in groups] for who in shared]
+    rows = [[group[code] for group in groups] for code in shared]
     return np.array(rows, dtype=np.float64).reshape(len(shared), len(groups))
 
 
-def _group_test(groups: Sequence[Mapping[str, float]], *, by_ranks: bool) -> Test:
-    arrays: list[Floats] = [np.array(list(group.values()), dtype=np.float64) for group in groups]
-    two, several = (rank_sums, several_ranked) if by_ranks else (between, several_between)
-    return two(arrays[0], arrays[1]) if len(arrays) == 2 else several(arrays)
+def p_values(samples: Sequence[Floats], *, is_paired: bool, by: Compared) -> Floats:
+    """Return the p values of `compare` for many studies at once, of conditions (…, n); 1 without
+    variance.
+    """
+    found: Floats
+    if by == "proportions" and len(samples) == 2:
+        found = (mcnemar_p if is_paired else two_proportions_p)(*samples)
+    elif is_paired:
+        if by == "ranks" and len(samples) == 2:
+            found = signed_rank_p(samples[0] - samples[1])
+        elif by == "means":  # of two conditions, the square of the paired t
+            found = repeated_measures(np.stack(samples, axis=-1))[2]
+        else:
+            found = scipy.stats.friedmanchisquare(*samples, axis=-1).pvalue
+    elif by == "means":  # of two groups, the square of Welch's t
+        found = scipy.stats.f_oneway(*samples, equal_var=False, axis=-1).pvalue
+    elif by == "ranks" and len(samples) == 2:
+        found = scipy.stats.mannwhitneyu(*samples, use_continuity=False, axis=-1).pvalue
+    else:
+        found = scipy.stats.kruskal(*samples, axis=-1).pvalue
+    return np.where(np.isfinite(found), found, 1.0)

@@ -3,23 +3,20 @@
 Quantiles are the linear ones of Hyndman and Fan (1996, type 7), numpy's and R's default.
 """
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
+from experiments.dataset.columns import Floats
 
 ROUNDED = "Percentages are rounded one by one and may not sum to 100."
 
 
 @dataclass(frozen=True)
 class Spread:
-    """A sample in a few numbers; all but `n` are None when it is empty, `sd` below two values.
-    `iqr` is the interquartile range, third quartile less first.
-    """
+    """A sample in a few numbers; all but `n` are None if it is empty, `sd` below two values."""
 
     n: int
     mean: float | None = None
@@ -31,7 +28,7 @@ class Spread:
 
 
 def spread(values: Sequence[float] | Floats) -> Spread:
-    """Return a sample in a few numbers; NaN does not count."""
+    """Describe the values of a sample that are not NaN."""
     given = np.asarray(values, dtype=np.float64)
     given = given[np.isfinite(given)]
     if not given.size:
@@ -42,22 +39,14 @@ def spread(values: Sequence[float] | Floats) -> Spread:
 
 
 def shares(counts: Sequence[int]) -> tuple[float, ...] | None:
-    """Return counts as percentages with all digits; None when nothing was counted.
-
-    Each is printed rounded by itself, so that equal counts print equally; what is printed may not
-    sum to 100 (`ROUNDED` says so below a table).
-    """
+    """Return counts as percentages with all digits, or None if all are 0."""
     total = sum(counts)
     return tuple(100.0 * count / total for count in counts) if total else None
 
 
-def wilson(successes: int, n: int, level: float = 0.95) -> tuple[float, float] | None:
-    """Return the bounds of a share (Wilson, 1927), or None without trials."""
+def wilson(successes: int, n: int) -> tuple[float, float] | None:
+    """Return the bounds of the 95 % interval of a share (Wilson, 1927), or None without trials."""
     if not n:
         return None
-    z = float(scipy.special.ndtri(0.5 + level / 2.0))
-    centre, slack = (
-        (successes + z * z / 2.0) / (n + z * z),
-        z * math.sqrt(successes * (n - successes) / n + z * z / 4.0) / (n + z * z),
-    )
-    return max(0.0, centre - slack), min(1.0, centre + slack)
+    low, high = scipy.stats.binomtest(successes, n).proportion_ci(method="wilson")
+    return float(low), float(high)

@@ -1,10 +1,6 @@
-"""How well the items of a scale agree: Cronbach's alpha, McDonald's omega, and items that point the
-other way.
-
-- alpha (Cronbach, 1951) with the interval of Feldt (1965), by the F distribution.
-- omega (McDonald, 1999): (Σλ)² / ((Σλ)² + Σψ) of a model with one factor, fitted by maximum
-  likelihood to the covariances. Its interval is Wald's on the logit scale, from the expected
-  information (Kelley and Pornprasertmanit, 2016, "MLL").
+"""How well the items of a scale agree: alpha (Cronbach, 1951; interval: Feldt, 1965), and omega
+(McDonald, 1999), (Σλ)² / ((Σλ)² + Σψ) of a model with one factor, whose interval is Wald's on
+the logit scale, from the expected information (Kelley and Pornprasertmanit, 2016, "MLL").
 
 Items are (n, k): a row a participant who answered all of them, a column an item, reverse-coded ones
 counted from the other end.
@@ -16,38 +12,35 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
-from experiments.analysis.statistics.comparisons import LOWER, UPPER, IntervalEstimate, is_constant
+from experiments.analysis.statistics.comparisons import (
+    LOWER,
+    UPPER,
+    IntervalEstimate,
+    Z,
+    is_constant,
+)
+from experiments.dataset.columns import Floats
 
 LEAST_UNIQUENESS = 0.005  # share of an item's variance that the factor never explains
-DECIMALS = 6  # to which the fit of the factor model is sure
+STARTS = 4  # besides the usual one
+DECIMALS = 6  # of the fit of the factor model that are certain
 
 
 class UndefinedCoefficientError(ValueError):
-    """A coefficient that these answers do not have; the text says why."""
+    """These answers have no such coefficient; the text is the reason."""
 
 
 @dataclass(frozen=True)
 class OneFactor:
-    """A model with one factor: covariances are λλ' + diag(ψ).
+    """A model with one factor: covariances are λλ' + diag(ψ)."""
 
-    Attributes:
-        loadings: λ, (k,), in units of the items.
-        uniquenesses: ψ, (k,), variances.
-        at_bound: the items whose ψ is at its lower bound, by their places (a Heywood case).
-    """
-
-    loadings: Floats
-    uniquenesses: Floats
-    at_bound: tuple[int, ...]
+    loadings: Floats  # λ, (k,), in units of the items
+    uniquenesses: Floats  # ψ, (k,), variances
+    at_bound: tuple[int, ...]  # places of items whose ψ is at its lower bound (a Heywood case)
 
 
 def cronbach(items: Floats) -> IntervalEstimate:
-    """Return alpha with its 95 % confidence interval.
-
-    Raises:
-        UndefinedCoefficientError: fewer than two items or participants, or no variance.
-    """
+    """Return alpha with its interval, or raise UndefinedCoefficientError."""
     n, k = items.shape
     if k < 2:
         raise UndefinedCoefficientError("one item")
@@ -58,20 +51,14 @@ def cronbach(items: Floats) -> IntervalEstimate:
         raise UndefinedCoefficientError("no variance of the sum")
     inside = float(items.var(axis=0, ddof=1).sum())
     alpha = k / (k - 1) * (1.0 - inside / float(sums.var(ddof=1)))
-    freedom = (n - 1, (n - 1) * (k - 1))
-    low, high = (
-        1.0 - (1.0 - alpha) * float(scipy.special.fdtri(*freedom, tail)) for tail in (UPPER, LOWER)
-    )
+    quantiles = scipy.special.fdtri(n - 1, (n - 1) * (k - 1), [UPPER, LOWER])
+    low, high = (1.0 - (1.0 - alpha) * quantiles).tolist()
     return IntervalEstimate(alpha, low, high)
 
 
 def mcdonald(items: Floats) -> tuple[IntervalEstimate, tuple[int, ...]]:
-    """Return omega with its 95 % confidence interval, and the places of the items whose ψ is at its
-    bound, with which there is no interval.
-
-    Raises:
-        UndefinedCoefficientError: fewer than three items, no more participants than items, an item
-            without variance, or items of which one is the sum of others.
+    """Return omega with its interval, and the places of items whose ψ is at its bound: then there
+    is no interval. Raises UndefinedCoefficientError.
     """
     n, k = items.shape
     if k < 3:
@@ -85,16 +72,12 @@ def mcdonald(items: Floats) -> tuple[IntervalEstimate, tuple[int, ...]]:
     omega = common / (common + float(model.uniquenesses.sum()))
     if model.at_bound or not 0.0 < omega < 1.0:
         return IntervalEstimate(round(omega, DECIMALS)), model.at_bound
-    error = _error_of_omega(model, n) / (omega * (1.0 - omega))
-    bounds = (
-        float(
-            scipy.special.expit(
-                scipy.special.logit(omega) + float(scipy.special.ndtri(tail)) * error
-            )
-        )
-        for tail in (LOWER, UPPER)
-    )
-    low, high = (round(bound, DECIMALS) for bound in bounds)
+    try:
+        error = _error_of_omega(model, n) / (omega * (1.0 - omega))
+    except np.linalg.LinAlgError as singular:
+        raise UndefinedCoefficientError("one factor is not identified") from singular
+    logits = scipy.special.logit(omega) + np.array([-Z, Z]) * error
+    low, high = np.round(scipy.special.expit(logits), DECIMALS).tolist()
     return IntervalEstimate(round(omega, DECIMALS), low, high), ()
 
 
@@ -110,33 +93,36 @@ def against_the_rest(items: Floats) -> Floats:
 
 def one_factor(covariances: Floats) -> OneFactor:
     """Fit the model to covariances (k, k) by maximum likelihood, minimised over ψ alone (Jöreskog,
-    1967), on the scale of correlations.
-
-    Raises:
-        UndefinedCoefficientError: the covariances are singular.
+    1967), on the scale of correlations, from several starts: few participants give local minima.
     """
     sd = np.sqrt(np.diag(covariances))
     correlations = covariances / np.outer(sd, sd)
     if np.linalg.eigvalsh(correlations)[0] < 1e-9:
         raise UndefinedCoefficientError("an item follows from the others")
-    start = (1.0 - 0.5 / len(sd)) / np.diag(np.linalg.inv(correlations))
-    found = scipy.optimize.minimize(
-        _discrepancy,
-        start,
-        args=(correlations,),
-        jac=True,
-        method="L-BFGS-B",
-        bounds=[(LEAST_UNIQUENESS, 1.0)] * len(sd),
-        options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 1000},
-    )
+    usual = (1.0 - 0.5 / len(sd)) / np.diag(np.linalg.inv(correlations))
+    more = STARTS if len(sd) > 3 else 0  # three items have one solution, or infinitely many
+    others = np.random.default_rng(1).uniform(LEAST_UNIQUENESS, 1.0, (more, len(sd)))
+    tried = [
+        scipy.optimize.minimize(
+            _discrepancy,
+            start,
+            args=(correlations,),
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(LEAST_UNIQUENESS, 1.0)] * len(sd),
+            options={"ftol": 1e-14, "gtol": 1e-9, "maxiter": 1000},
+        )
+        for start in (usual, *others)
+    ]
+    found = min(tried, key=lambda one: round(one.fun, 9))  # the first of equal ones
     at_bound = np.flatnonzero(found.x <= LEAST_UNIQUENESS * (1.0 + 1e-6))
     _, loadings = _factored(found.x, correlations)
     return OneFactor(loadings * sd, found.x * sd**2, tuple(at_bound.tolist()))
 
 
 def _discrepancy(uniquenesses: Floats, correlations: Floats) -> tuple[float, Floats]:
-    """Return what is minimised and its gradient: with the eigenvalues θ of Ψ^-½ R Ψ^-½, rising,
-    Σ(θ - log θ - 1) over all but the greatest.
+    """Return the discrepancy and its gradient: Σ(θ - log θ - 1) over all but the greatest of the
+    eigenvalues θ of Ψ^-½ R Ψ^-½.
     """
     values, loadings = _factored(uniquenesses, correlations)
     rest = values[:-1]
@@ -154,26 +140,15 @@ def _factored(uniquenesses: Floats, correlations: Floats) -> tuple[Floats, Float
 
 
 def _error_of_omega(model: OneFactor, n: int) -> float:
-    """Return the standard error of omega by the delta method."""
-    loadings, uniquenesses = model.loadings, model.uniquenesses
-    common, own = float(loadings.sum()), float(uniquenesses.sum())
-    total = common**2 + own
-    slope = np.concatenate(
-        (
-            np.full(len(loadings), 2.0 * common * own / total**2),
-            np.full(len(loadings), -(common**2) / total**2),
-        )
-    )
-    return math.sqrt(float(slope @ np.linalg.solve(_information(model, n), slope)))
-
-
-def _information(model: OneFactor, n: int) -> Floats:
-    """Return the expected information on (λ, ψ), (2k, 2k): n/2 · tr(Σ⁻¹ ∂ᵢΣ Σ⁻¹ ∂ⱼΣ)."""
-    loadings = model.loadings
+    """Return the standard error of omega by the delta method, with the expected information on (λ,
+    ψ), (2k, 2k): n/2 · tr(Σ⁻¹ ∂ᵢΣ Σ⁻¹ ∂ⱼΣ).
+    """
+    loadings, k = model.loadings, len(model.loadings)
+    common, own = float(loadings.sum()), float(model.uniquenesses.sum())
     inverse = np.linalg.inv(np.outer(loadings, loadings) + np.diag(model.uniquenesses))
     side = inverse @ loadings
     of_loadings = 2.0 * (np.outer(side, side) + float(loadings @ side) * inverse)
     crossed = 2.0 * inverse * side[:, None]
-    above, below = np.hstack((of_loadings, crossed.T)), np.hstack((crossed, inverse**2))
-    found: Floats = n / 2.0 * np.vstack((above, below))
-    return found
+    information = n / 2.0 * np.block([[of_loadings, crossed.T], [crossed, inverse**2]])
+    slope = np.repeat([2.0 * common * own, -(common**2)], k) / (common**2 + own) ** 2
+    return math.sqrt(float(slope @ np.linalg.solve(information, slope)))

@@ -1,314 +1,235 @@
-"""Linear mixed models with an intercept for each participant, fitted by REML.
+"""Linear mixed models with an intercept for each participant, fitted by REML, with tests that hold
+for any covariance of a participant's values.
 
 With one variance between participants, the restricted likelihood depends on one number alone: the
-ratio λ of that variance to the residual one. Everything else follows from it by generalized least
-squares (Laird and Ware, 1982), so the fit is a search along a line, and a ratio of 0 (participants
-who do not differ) is tried like any other. tests/unit/experiments/analysis/statistics/ compares the
-fits with those of lme4.
+ratio λ of that variance to the residual one (Laird and Ware, 1982). So the fit is a search along a
+line, with least squares at each ratio, also at 0 (participants who do not differ). If each
+participant was measured once, this is a linear model.
 
-A term is a factor or an interaction, whose levels are coded by treatment (the first level is the
-reference) or as sums (effects around the grand mean; the last level is minus the sum of the
-others). Terms are tested together by Wald's F, coefficients by t.
-
-The denominator has the degrees of freedom of the between-within method (Schluchter and Elashoff,
-1990) as R's nlme 3.1 computes them (`getFixDF`; its authors describe the rule in Pinheiro and
-Bates, Mixed-Effects Models in S and S-PLUS, 2000, section 2.4.2). For a coefficient whose column
-changes within participants they are the observations less participants less such coefficients; for
-the others, the participants less those and the intercept; for the intercept, the larger of the two.
-A term has the fewest that its coefficients have. In a balanced study these are the degrees of
-freedom of the analysis of variance. The tests compare them with nlme's, too. Of a term of which
-some coefficients change within participants and some do not, nlme counts all as changing.
+Such a model assumes that all conditions have the same variance and all pairs of them the same
+covariance. The tests do not: covariances of the coefficients are estimated from the residuals of
+each participant, corrected for bias (CR2), and degrees of freedom are estimated (Satterthwaite,
+HTZ), as R's clubSandwich does. docs/explanation/statistics.md has the sources.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import product
-from typing import Any, Literal
+from functools import partial
+from typing import Any
 
 import numpy as np
 import scipy
 
-from experiments.analysis.dataset.records import Floats
 from experiments.analysis.statistics.comparisons import UPPER, IntervalEstimate
+from experiments.analysis.statistics.models import (
+    CannotFitError,
+    Coefficient,
+    Design,
+    FittedModel,
+    TermTest,
+    check_data,
+)
+from experiments.dataset.columns import Floats
 
-Coding = Literal["treatment", "sum"]
-INTERCEPT = "(intercept)"
 GRID = np.arange(-14.0, 15.0)  # logarithms of ratios
 TIGHT = 1e-9  # of the logarithm of the ratio
 ROUNDING = 1e-14
-
-
-class CannotFitError(ValueError):
-    """The model has no answer for these data; says why."""
-
-
-@dataclass(frozen=True)
-class Design:
-    """The columns of a model: (n, k), what each is called, and to which term it belongs (0 is the
-    intercept).
-    """
-
-    columns: Floats
-    names: tuple[str, ...]
-    terms: tuple[int, ...]
-
-
-@dataclass(frozen=True)
-class Coefficient:
-    """A coefficient of the model: its estimate with interval, standard error, t, df and p."""
-
-    name: str
-    estimate: IntervalEstimate
-    error: float
-    t: float
-    df: float
-    p: float
-
-
-@dataclass(frozen=True)
-class TermTest:
-    """Wald's F test that all coefficients of a term are 0."""
-
-    name: str
-    f: float
-    df: tuple[float, float]
-    p: float
-
-
-@dataclass(frozen=True)
-class MixedModel:
-    """A fitted model; standard deviations between participants and of the residuals."""
-
-    participants: int
-    observations: int
-    coefficients: tuple[Coefficient, ...]
-    terms: tuple[TermTest, ...]
-    sd_participants: float
-    sd_residual: float
-
-    @property
-    def is_singular(self) -> bool:
-        """Tell whether participants were found not to differ at all."""
-        return self.sd_participants == 0.0
-
-
-def design_of(
-    levels: Mapping[str, Sequence[str]],
-    terms: Sequence[str],
-    rows: Sequence[Mapping[str, str]],
-    coding: Coding,
-) -> Design:
-    """Return the columns of a model.
-
-    Args:
-        levels: the levels of each factor, in order.
-        terms: factors, or several with colons between.
-        rows: the level of each factor, an observation each.
-        coding: of the levels.
-    """
-    columns, names, places = [np.ones(len(rows))], [INTERCEPT], [0]
-    for number, term in enumerate(terms, start=1):
-        parts = [_coded(factor, levels[factor], rows, coding) for factor in term.split(":")]
-        for combination in product(*parts):
-            columns.append(np.prod([column for _, column in combination], axis=0))
-            names.append(":".join(name for name, _ in combination))
-            places.append(number)
-    return Design(np.column_stack(columns), tuple(names), tuple(places))
-
-
-def _coded(
-    factor: str, levels: Sequence[str], rows: Sequence[Mapping[str, str]], coding: Coding
-) -> list[tuple[str, Floats]]:
-    given = [row[factor] for row in rows]
-    own = levels[1:] if coding == "treatment" else levels[:-1]
-    found = []
-    for level in own:
-        column = np.array([float(one == level) for one in given])
-        if coding == "sum":
-            column -= np.array([float(one == levels[-1]) for one in given])
-        found.append((f"{factor} {level}", column))
-    return found
-
-
-def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str]) -> MixedModel:
-    """Fit a model to observations of participants.
-
-    Raises:
-        CannotFitError: there are too few data, no repetition, no variance, or columns that depend
-            on each other.
-    """
-    _, groups = np.unique(np.asarray(who), return_inverse=True)
-    people = int(groups.max(initial=-1)) + 1
-    check_data(outcome, design.columns, people)
-    sums = _Sums.of(outcome, design.columns, groups, people)
-    ratio = _best_ratio(sums)
-    found = _profile(sums, ratio)
-    estimates = found.estimates
-    covariance = np.asarray(np.linalg.inv(found.information), dtype=np.float64) * found.residual
-    df = freedom_of(design, groups, people)
-    return MixedModel(
-        people,
-        len(outcome),
-        tuple(
-            _coefficient(name, float(value), math.sqrt(variance), freedom)
-            for name, value, variance, freedom in zip(
-                design.names, estimates, np.diag(covariance), df, strict=True
-            )
-        ),
-        tuple(
-            _term_test(name, number, design, estimates, covariance, df)
-            for number, name in enumerate(terms, start=1)
-        ),
-        math.sqrt(ratio * found.residual),
-        math.sqrt(found.residual),
-    )
-
-
-def check_data(outcome: Floats, columns: Floats, people: int) -> None:
-    """Refuse data to which no model can be fitted.
-
-    Raises:
-        CannotFitError: as `fit` does.
-    """
-    n, k = columns.shape
-    if people < 3:
-        raise CannotFitError("fewer than three participants")
-    if n <= people:
-        raise CannotFitError("no participant was measured twice")
-    if np.ptp(outcome) <= 1e-9 * np.abs(outcome).max():
-        raise CannotFitError("no variance: all values are equal")
-    if np.linalg.matrix_rank(columns) < k:
-        raise CannotFitError("some effects cannot be told apart with these data")
-    if n - people - k < 1:
-        raise CannotFitError("too few observations for so many effects")
+LEAST_DF = 1e-3  # of a denominator; less is rounding of 0
 
 
 @dataclass(frozen=True, eq=False)
-class _Sums:
-    """What every ratio is tried on, so that the observations are read once: XᵀX (k, k), Xᵀy (k,)
-    and yᵀy of all of them; of each participant the sums of X (people, k) and of y (people,), and
-    the number of observations (people,).
+class RemlFit:
+    """A model at its best ratio of variances λ: coefficients (k,), the covariance that the model
+    gives them (k, k), and the residual variance.
     """
 
-    xx: Floats
-    xy: Floats
-    yy: float
-    columns: Floats
-    outcomes: Floats
-    counts: Floats
-
-    @classmethod
-    def of(cls, outcome: Floats, columns: Floats, groups: Any, people: int) -> "_Sums":
-        """Return the sums of observations `outcome` (n,) and `columns` (n, k) of `groups` (n,)."""
-        of_participants = np.zeros((people, columns.shape[1]))
-        np.add.at(of_participants, groups, columns)
-        return cls(
-            columns.T @ columns,
-            columns.T @ outcome,
-            float(outcome @ outcome),
-            of_participants,
-            np.asarray(np.bincount(groups, outcome, people), dtype=np.float64),
-            np.bincount(groups, minlength=people).astype(np.float64),
-        )
-
-
-@dataclass(frozen=True)
-class _Profile:
-    """What follows from a ratio: -2 log restricted likelihood (but for a constant), coefficients,
-    XᵀV⁻¹X in units of the residual variance, and that variance.
-    """
-
-    deviance: float
+    ratio: float
     estimates: Floats
-    information: Floats
+    covariance: Floats
     residual: float
 
 
-def _profile(sums: _Sums, ratio: float) -> _Profile:
-    """Fit by generalized least squares with V = σ²(I + λJ) for each participant, whose inverse is
-    (I - λ / (1 + nλ) J) / σ² and whose determinant is (1 + nλ) σ²ⁿ.
+def fit(outcome: Floats, design: Design, terms: Sequence[str], who: Sequence[str]) -> FittedModel:
+    """Fit a model to observations of the participants in `who`; may raise CannotFitError."""
+    groups, people = grouped(who)
+    check_data(outcome, design.columns, people)
+    found = reml(outcome, design.columns, groups, people)
+    robust = RobustTests(design.columns, groups, found.ratio)
+    coefficients = [robust.coefficient(outcome, at, one) for at, one in enumerate(design.names)]
+    tests = []
+    for number, name in enumerate(terms, start=1):
+        places = design.places(number)
+        first = coefficients[places[0]]
+        single = (first.t**2, (1.0, first.df))
+        f, df = single if len(places) == 1 else robust.wald(outcome, places)
+        difference = design.difference(number, first.estimate)
+        tests.append(TermTest(name, float(f), df, float(p_of(np.array(f), df)), difference))
+    spreads, remark = [("SD residual", math.sqrt(found.residual))], ""
+    if len(outcome) > people:
+        sd = math.sqrt(found.ratio * found.residual)
+        share = found.ratio / (1.0 + found.ratio)
+        spreads = [("SD participants", sd), *spreads, ("ICC", share)]
+        remark = "" if found.ratio else "participants do not differ (variance 0)"
+    n = len(outcome)
+    return FittedModel(people, n, tuple(coefficients), tuple(tests), tuple(spreads), remark)
+
+
+def grouped(who: Sequence[str]) -> tuple[Any, int]:
+    """Return the participant of each observation, as a number from 0, and how many there are."""
+    _, groups = np.unique(np.asarray(who), return_inverse=True)
+    return groups, int(groups.max(initial=-1)) + 1
+
+
+# --- the fit --------------------------------------------------------------------------------------
+
+
+def reml(outcome: Floats, columns: Floats, groups: Any, people: int) -> RemlFit:
+    """Return the fit of the least deviance: the best ratio of a grid, refined between its
+    neighbours; 0 where no other is better, or where each participant was measured once.
     """
-    weights = ratio / (1.0 + sums.counts * ratio)
-    weighted = sums.columns.T * weights  # (k, people)
-    xx: Floats = sums.xx - weighted @ sums.columns
-    xy: Floats = sums.xy - weighted @ sums.outcomes
-    yy = sums.yy - float(weights @ np.square(sums.outcomes))
-    n, size = int(sums.counts.sum()), len(xy)
-    estimates = np.asarray(np.linalg.solve(xx, xy), dtype=np.float64)
-    residual = max(yy - float(estimates @ xy), 0.0) / (n - size)
-    if residual <= ROUNDING * yy / n:
-        raise CannotFitError("no variance: the effects explain everything")
-    spread = float(np.log1p(sums.counts * ratio).sum())
-    deviance = spread + float(np.linalg.slogdet(xx)[1]) + (n - size) * math.log(residual)
-    return _Profile(deviance, estimates, xx, residual)
+    data = np.column_stack((columns, outcome))
+    counts = np.bincount(groups, minlength=people)
+    means = np.zeros((people, data.shape[1]))
+    np.add.at(means, groups, data)
+    means = (means / counts[:, None])[groups]
 
-
-def _deviances(sums: _Sums, ratios: Floats) -> Floats:
-    """Return the deviance of `_profile` at each of several ratios (g,), all at once."""
-    ratios = ratios[:, None]
-    weights = ratios / (1.0 + sums.counts * ratios)  # (g, people)
-    xx = sums.xx - (sums.columns.T * weights[:, None, :]) @ sums.columns
-    xy = sums.xy - (weights * sums.outcomes) @ sums.columns
-    yy = sums.yy - weights @ np.square(sums.outcomes)
-    n, size = int(sums.counts.sum()), xy.shape[1]
-    explained = (np.linalg.solve(xx, xy[:, :, None])[:, :, 0] * xy).sum(axis=1)
-    residuals = np.maximum(yy - explained, 0.0) / (n - size)
-    if (residuals <= ROUNDING * yy / n).any():
-        raise CannotFitError("no variance: the effects explain everything")
-    spread = np.log1p(sums.counts * ratios).sum(axis=1)
-    found: Floats = spread + np.linalg.slogdet(xx)[1] + (n - size) * np.log(residuals)
-    return found
-
-
-def _best_ratio(sums: _Sums) -> float:
-    """Return the ratio of the least deviance: the best of a grid, refined between its neighbours; 0
-    where none is better than that.
-    """
-    place = int(np.argmin(_deviances(sums, np.exp(GRID))))
+    at = partial(_least_squares, data, means, groups, counts)
+    deviance, without = at(0.0)
+    if len(outcome) == people:
+        return without
+    place = int(np.argmin([at(math.exp(power))[0] for power in GRID]))
     found = scipy.optimize.minimize_scalar(
-        lambda power: _profile(sums, math.exp(power)).deviance,
+        lambda power: at(math.exp(power))[0],
         bounds=(GRID[max(place - 1, 0)], GRID[min(place + 1, len(GRID) - 1)]),
         method="bounded",
         options={"xatol": TIGHT},
     )
-    ratio = math.exp(float(found.x))
-    return ratio if _profile(sums, ratio).deviance < _profile(sums, 0.0).deviance else 0.0
+    return at(math.exp(float(found.x)))[1] if found.fun < deviance else without
 
 
-def freedom_of(design: Design, groups: Any, people: int) -> list[float]:
-    """Return the denominator's degrees of freedom of each coefficient."""
-    changes = [
-        any(np.ptp(column[groups == group]) > 0.0 for group in range(people))
-        for column in design.columns.T
-    ]
-    n = len(design.columns)
-    inner = float(n - people - sum(changes))
-    outer = float(people - sum(not one for one in changes))  # the intercept among them
-    return [
-        max(inner, outer) if place == 0 else inner if one else outer
-        for one, place in zip(changes, design.terms, strict=True)
-    ]
+def _least_squares(
+    data: Floats, means: Floats, groups: Any, counts: Any, ratio: float
+) -> tuple[float, RemlFit]:
+    """Return -2 log restricted likelihood (but for a constant) and the fit at a ratio: least
+    squares after 1 - 1/√(1 + nλ) of a participant's mean is subtracted from each of its n values,
+    which makes them independent. `data` and `means` are columns and outcome, (n, k + 1).
+    """
+    inflation = 1.0 + counts * ratio
+    reduced = data - (1.0 - 1.0 / np.sqrt(inflation))[groups, None] * means
+    x, y = reduced[:, :-1], reduced[:, -1]
+    xx = x.T @ x
+    estimates = np.linalg.solve(xx, x.T @ y)
+    freedom = len(y) - len(xx)
+    residual = float(((y - x @ estimates) ** 2).sum()) / freedom
+    if residual <= ROUNDING * float(y @ y) / len(y):
+        raise CannotFitError("no variance: the effects explain everything")
+    deviance = float(np.log(inflation).sum() + np.linalg.slogdet(xx)[1])
+    deviance += freedom * math.log(residual)
+    return deviance, RemlFit(ratio, estimates, np.linalg.inv(xx) * residual, residual)
 
 
-def _coefficient(name: str, value: float, error: float, df: float) -> Coefficient:
-    t = value / error
+# --- the tests ------------------------------------------------------------------------------------
+
+
+class RobustTests:
+    """Tests of coefficients by the residuals of each participant. All but the residuals depends on
+    the design and the ratio of variances alone, so that many outcomes of one design are tested at
+    once: `outcomes` are (…, n).
+
+    In the notation of Pustejovsky and Tipton (2018): Φ = I + λJ is the working covariance of a
+    participant's values, W its inverse, M = (ΣXᵀWX)⁻¹, and G = XᵀWA weights a participant's
+    residuals, with A such that A(Φ - XMXᵀ)Aᵀ = Φ on average undoes that residuals are too small.
+    """
+
+    def __init__(self, columns: Floats, groups: Any, ratio: float) -> None:
+        self._columns = columns
+        self._rows = [np.flatnonzero(groups == one) for one in range(int(groups.max()) + 1)]
+        self._covariances = [np.eye(len(rows)) + ratio for rows in self._rows]
+        weighted = np.empty_like(columns)  # W X
+        for rows, own in zip(self._rows, self._covariances, strict=True):
+            weighted[rows] = np.linalg.solve(own, columns[rows])
+        self._bread = np.asarray(np.linalg.inv(columns.T @ weighted), dtype=np.float64)  # M
+        self._weights = self._bread @ weighted.T  # estimates = weights · outcome
+        self._adjusted = []  # M G of each participant, (k, own observations)
+        for rows, own in zip(self._rows, self._covariances, strict=True):
+            x, root = columns[rows], np.linalg.cholesky(own).T  # Φ = rootᵀ·root
+            inner = root @ (own - x @ self._bread @ x.T) @ root.T
+            adjust = root.T @ _inverse_root(inner, float((own**2).sum())) @ root
+            self._adjusted.append(self._weights[:, rows] @ adjust)
+
+    def estimates(self, outcomes: Floats) -> Floats:
+        return np.asarray(outcomes @ self._weights.T)
+
+    def wald(self, outcomes: Floats, places: Sequence[int]) -> tuple[Floats, tuple[float, float]]:
+        """Return F that the coefficients at some places are all 0, (…,), and its degrees of
+        freedom. Their covariance has about η times a Wishart distribution, with the total variance
+        that it has under the working covariance.
+        """
+        own = list(places)
+        estimates = self.estimates(outcomes)
+        covariance = self._covariance(outcomes, estimates, own)
+        values = estimates[..., own]
+        wald = (values * np.linalg.solve(covariance, values[..., None])[..., 0]).sum(axis=-1)
+        size, eta = len(own), self._freedom(own)
+        if eta - size + 1.0 < LEAST_DF:
+            raise CannotFitError("too few participants for so many levels")
+        return (eta - size + 1.0) / (eta * size) * wald, (float(size), eta - size + 1.0)
+
+    def _covariance(self, outcomes: Floats, estimates: Floats, own: Sequence[int]) -> Floats:
+        residuals = outcomes - estimates @ self._columns.T
+        scores = np.stack(
+            [
+                residuals[..., rows] @ adjusted[own].T
+                for rows, adjusted in zip(self._rows, self._adjusted, strict=True)
+            ],
+            axis=-2,
+        )  # (…, participants, coefficients)
+        return np.asarray(np.swapaxes(scores, -1, -2) @ scores)
+
+    def _freedom(self, own: Sequence[int]) -> float:
+        """Return η. P, the covariance of the standardized scores t of all participants under the
+        working covariance, has a block for each two of them; the total variance of Σttᵀ is the sum
+        of (tr P)² + tr P² over the blocks, and that of the Wishart distribution q(q + 1) / η.
+        """
+        scale = _inverse_root(self._bread[np.ix_(own, own)])
+        parts = [scale @ adjusted[own] for adjusted in self._adjusted]
+        fitted = np.stack(
+            [part @ self._columns[rows] for part, rows in zip(parts, self._rows, strict=True)]
+        )  # (participants, q, k)
+        total = 0.0
+        for at, (part, covariance) in enumerate(zip(parts, self._covariances, strict=True)):
+            blocks = -np.einsum("ak,jbk->jab", fitted[at] @ self._bread, fitted)
+            blocks[at] += part @ covariance @ part.T
+            total += float((np.einsum("jaa->j", blocks) ** 2).sum())
+            total += float(np.einsum("jab,jba->", blocks, blocks))
+        if total < ROUNDING:
+            raise CannotFitError("some effects have no variance within these data")
+        return len(own) * (len(own) + 1.0) / total
+
+    def coefficient(self, outcome: Floats, place: int, name: str) -> Coefficient:
+        estimates, df = self.estimates(outcome), self._freedom([place])
+        value = float(estimates[place])
+        error = math.sqrt(float(self._covariance(outcome, estimates, [place])[0, 0]))
+        return coefficient(name, value, error, df)
+
+
+def coefficient(name: str, value: float, error: float, df: float) -> Coefficient:
     slack = float(scipy.special.stdtrit(df, UPPER)) * error
+    t = value / error
     p = float(2.0 * scipy.special.stdtr(df, -abs(t)))
     return Coefficient(name, IntervalEstimate(value, value - slack, value + slack), error, t, df, p)
 
 
-def _term_test(
-    name: str,
-    number: int,
-    design: Design,
-    estimates: Floats,
-    covariance: Floats,
-    df: Sequence[float],
-) -> TermTest:
-    own = [place for place, term in enumerate(design.terms) if term == number]
-    values = estimates[own]
-    wald = float(values @ np.linalg.solve(covariance[np.ix_(own, own)], values))
-    freedom = (float(len(own)), min(df[place] for place in own))
-    f = wald / len(own)
-    return TermTest(name, f, freedom, float(scipy.special.fdtrc(*freedom, f)))
+def p_of(f: Floats, df: tuple[float, float]) -> Floats:
+    return np.asarray(scipy.special.fdtrc(*df, f))
+
+
+def _inverse_root(matrix: Floats, scale: float = 0.0) -> Floats:
+    """Return the inverse of a matrix's symmetric root, without directions whose variance is
+    rounding beside the largest one, or beside `scale`.
+    """
+    values, vectors = np.linalg.eigh(matrix)
+    least = 1e-10 * max(scale, float(values[-1]))
+    inverse = np.where(values > least, 1.0 / np.sqrt(np.maximum(values, least)), 0.0)
+    return np.asarray((vectors * inverse) @ vectors.T)

@@ -1,103 +1,117 @@
-"""A row of a comparison: what was compared, each condition in numbers, and the test with everything
-that a reader needs to check it.
-"""
+"""A row of a comparison: what was compared, each condition in numbers, and the test."""
 
-from collections.abc import Hashable, Mapping, Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 
 from experiments.analysis.statistics.comparisons import IntervalEstimate, Test, holm
-from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.table import TableCell, count, number, probability, words
+from experiments.analysis.statistics.descriptive import Spread, spread
+from experiments.analysis.tables.table import (
+    Row,
+    Table,
+    TableCell,
+    amount,
+    count,
+    number,
+    probability,
+    words,
+)
 
 REMARK = "Remark"
+DIFFERENCE = ("Difference", "Difference: from", "Difference: to")
 TESTED = (
-    "Test",
-    "n tested",
-    "Statistic",
-    "df",
-    "df 2",
-    "p",
-    "p (Holm)",
-    "Difference",
-    "Difference: from",
-    "Difference: to",
-    "Effect",
-    "Size",
-    "Size: from",
-    "Size: to",
-    REMARK,
+    *("Test", "n tested", "Statistic", "df", "df 2", "p", "p (Holm)", *DIFFERENCE),
+    *("Effect", "Size", "Size: from", "Size: to", REMARK),
 )
 READ_AS = (
     "n tested: participants, or pairs for a paired test; from, to: 95 % confidence interval.",
     (
-        "Difference: of means, first less second. Effect: d, Cohen's with the pooled SD; d_z, mean"
-        " over SD of the differences; η²p, partial eta squared; W (Kendall), its interval by"
-        " resampling participants."
+        "Difference: of means or proportions, first less second. Effect: d, the difference over the"
+        " root of the mean of both variances; d_z, mean over SD of the differences; η²p, partial"
+        " eta squared; W (Kendall); odds, rate and hazard ratio (second over first: above 1, times"
+        " of the first are longer). Effects of several conditions have no interval."
     ),
 )
-Group = tuple[Mapping[str, float], Sequence[str]]  # a value a participant, the sessions behind them
 
 
-def head_of(keys: Sequence[str], *, is_ordinal: bool = False) -> tuple[str, ...]:
-    """Return the head of `compared`, without its first word."""
-    parts = ("n", "mean", "SD", "median", "IQR") if is_ordinal else ("n", "mean", "SD")
+@dataclass(frozen=True)
+class ComparedSide:
+    """A value a participant, and the sessions behind them. Censored times have no mean."""
+
+    values: Mapping[str, float]
+    sessions: Sequence[str] = ()
+    is_censored: bool = False
+    median: float | None = None
+
+
+def participant_means(values: Iterable[tuple[str, float]]) -> dict[str, float]:
+    """Return each participant's mean, from pairs of a participant and a value."""
+    found: dict[str, list[float]] = {}
+    for who, value in values:
+        found.setdefault(who, []).append(value)
+    return {who: math.fsum(own) / len(own) for who, own in found.items()}
+
+
+def head_of(keys: Sequence[str]) -> tuple[str, ...]:
+    parts = ("n", "mean", "SD", "median", "IQR")
     return (*(f"{key}: {part}" for key in keys for part in parts), *TESTED)
 
 
-def compared(
-    label: str, groups: Sequence[Group], test: Test, corrected: float, *, is_ordinal: bool = False
-) -> tuple[TableCell, ...]:
-    """Return a row: what was compared, each group, and the test with its corrected p value."""
+def compared(label: str, groups: Sequence[ComparedSide], test: Test, corrected: float) -> Row:
     cells: list[TableCell] = []
-    for values, ids in groups:
-        about = spread(list(values.values()))
+    for group in groups:
+        about, ids = spread(list(group.values.values())), group.sessions
+        if group.is_censored:
+            about = Spread(about.n, median=group.median)
         cells += [count(about.n, ids), number(about.mean, 3, ids), number(about.sd, 3)]
-        if is_ordinal:
-            cells += [number(about.median, 2, ids), number(about.iqr, 2)]
+        cells += [number(about.median, 2, ids), number(about.iqr, 2)]
     return words(label), *cells, *tested(test, corrected)
 
 
-def tested(test: Test, corrected: float) -> tuple[TableCell, ...]:
-    """Return the cells of TESTED."""
-    first, second = (*test.df, None, None)[:2]
+def tested(test: Test, corrected: float) -> Row:
+    degrees = (*test.df, None, None)[:2]
     return (
-        words(test.name),
-        count(test.n),
-        number(test.statistic, 2),
-        _freedom(first),
-        _freedom(second),
-        probability(test.p),
-        probability(corrected),
-        *estimated(test.difference, 3),
-        words(test.effect_name),
-        *estimated(test.effect, 2),
-        words(test.remark),
+        *(words(test.name), count(test.n), number(test.statistic, 2)),
+        *(number(one, 0 if one is not None and one.is_integer() else 1) for one in degrees),
+        *(probability(test.p), probability(corrected), *estimated(test.difference, 3)),
+        *(words(test.effect_name), *estimated(test.effect, 2), words(test.remark)),
     )
 
 
-def estimated(estimate: IntervalEstimate, decimals: int) -> tuple[TableCell, TableCell, TableCell]:
-    """Return a number and the bounds of its interval."""
-    return (
-        number(estimate.value, decimals),
-        number(estimate.low, decimals),
-        number(estimate.high, decimals),
-    )
+def estimated(estimate: IntervalEstimate, decimals: int) -> Row:
+    return tuple(number(one, decimals) for one in (estimate.value, estimate.low, estimate.high))
 
 
-def _freedom(value: float | None) -> TableCell:
-    return number(value, 0 if value is not None and value.is_integer() else 1)
+Compared = tuple[Test, Sequence[ComparedSide]]  # a test, and the sides that it compares
 
 
-def corrected_for(
-    tests: Sequence[Test], rows: Sequence[Sequence[Group]]
-) -> tuple[tuple[float, ...], int]:
-    """Return the p values of a table, corrected by Holm's method, and how many tests the family
-    has: rows of the same data are one of them.
+def comparison_table(
+    name: str,
+    title: str,
+    head: str,
+    keys: Sequence[str],
+    found: Sequence[tuple[str, Compared]],
+    notes: Iterable[str],
+) -> Table:
+    """Return a table of comparisons between the same sides, whose tests are one family: `head`
+    names the column of what was compared, `keys` are the sides, and `found` has a row each.
     """
-    members = [_data(groups) for groups in rows]
-    values = [test.p for test in tests]
-    known = {one for one, test in zip(members, tests, strict=True) if test.is_known}
-    return holm(values, members), len(known)
+    corrected, members = corrected_for([one for _, one in found])
+    rows = (
+        compared(label, own, test, p)
+        for (label, (test, own)), p in zip(found, corrected, strict=True)
+    )
+    return Table.of(name, title, (head, *head_of(keys)), rows, (*notes, family(members), *READ_AS))
 
 
-def _data(groups: Sequence[Group]) -> Hashable:
-    return tuple(tuple(sorted(values.items())) for values, _ids in groups)
+def family(members: int) -> str:
+    return f"p (Holm): corrected for the {amount(members, 'different test')} of this table."
+
+
+def corrected_for(found: Sequence[Compared]) -> tuple[tuple[float, ...], int]:
+    """Return p values corrected by Holm's method, and the number of tests in the family: rows of
+    the same data are one.
+    """
+    members = [tuple(tuple(sorted(one.values.items())) for one in own) for _, own in found]
+    known = {one for one, (test, _) in zip(members, found, strict=True) if test.is_known}
+    return holm([test.p for test, _ in found], members), len(known)

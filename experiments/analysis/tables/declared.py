@@ -1,70 +1,75 @@
-"""The analyses that the study declared (experiments/definition/analyses.py), a table each, and one
-more with the coefficients of a mixed model.
+"""A table for each declared analysis, and one for the coefficients of each model.
 
-A participant has one value of a measure in each condition: the mean over their sessions of a
-metric, or of the score of a questionnaire's item, topic or whole ("overall"), with reverse-coded
-items counted from the other end. Only a questionnaire whose items are one scale has a whole.
+In tests of means and ranks, and in mixed models, a participant has one value of a measure in each
+condition: the mean over their sessions or responses. Proportions, counts and times are of each
+session.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
+from typing import cast
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Dataset
-from experiments.analysis.metrics.definitions import METRICS
+from experiments.analysis.metrics.definitions import CENSORED, KINDS, OF_COMPLETED, PER_MINUTE
 from experiments.analysis.metrics.sessions import Measured
+from experiments.analysis.statistics import conditions
 from experiments.analysis.statistics.comparisons import Test, holm
 from experiments.analysis.statistics.conditions import compare
-from experiments.analysis.statistics.mixed_models import (
+from experiments.analysis.statistics.mixed_models import fit
+from experiments.analysis.statistics.models import (
     CannotFitError,
-    MixedModel,
+    Coding,
+    FittedModel,
+    Row,
     design_of,
-    fit,
 )
-from experiments.analysis.tables.comparisons import (
-    READ_AS,
-    REMARK,
-    TESTED,
-    Group,
-    compared,
-    corrected_for,
-    estimated,
-    head_of,
-    tested,
+from experiments.analysis.statistics.regression import (
+    SCORE,
+    DriveOutcome,
+    Family,
+    compare_drives,
+    fit_family,
 )
-from experiments.analysis.tables.effects import family, values_by_participant
-from experiments.analysis.tables.paper_tables import behind_statements
-from experiments.analysis.tables.response_selection import RULES, counted
-from experiments.analysis.tables.scored_responses import coded, mean_scores
-from experiments.analysis.tables.table import Table, TableCell, count, number, probability, words
-from experiments.definition.analyses import DeclaredAnalysis
+from experiments.analysis.tables import comparisons, drive_outcomes
+from experiments.analysis.tables.comparisons import Compared
+from experiments.analysis.tables.measures import StudyMeasures
+from experiments.analysis.tables.response_selection import RULES
+from experiments.analysis.tables.table import Table, TableCell, number, probability
+from experiments.dataset.records import Dataset
+from experiments.definition.analyses import FAMILIES, DeclaredAnalysis
 from experiments.definition.factors import conditions_together
-from experiments.definition.plan import (
-    EXPLORATORY,
-    Hypothesis,
-    deciding_hypotheses,
-    is_confirmatory,
-)
-from surveys.scoring import ScoredScale, measured_scale
+from experiments.definition.plan import EXPLORATORY, deciding_hypotheses, is_confirmatory
+from experiments.definition.schema import StudyDefinition
+from surveys.documents import spoken
 
-Row = tuple[TableCell, ...]
+Cells = tuple[object, ...]
 PLANNED = "Plan"  # the column that names the hypotheses of a row; only in a study with hypotheses
 SIDES = ("first", "second")
-FITTED = (
-    "Linear mixed model with an intercept for each participant, by REML; Wald F and t tests with"
-    " the degrees of freedom of the between-within method."
+TESTS = {"mixed": "Wald F", **SCORE}
+MODELS = {
+    "mixed": "Linear mixed model with an intercept for each participant, by REML. Tests: Wald, by"
+    " the residuals of participants (CR2), with the degrees of freedom of Pustejovsky and Tipton"
+    " (2018): they hold for any covariance of a participant's values.",
+    "proportions": "Logistic regression by generalized estimating equations; difference: log odds.",
+    "counts": "Poisson regression of the rate per minute by generalized estimating equations;"
+    " difference: log rate.",
+    "times": "Cox regression of times that are censored at the end of a session; difference: log"
+    " hazard of the second less that of the first, above 0 where times of the first are longer.",
+}
+CLUSTERED = (
+    "Effects: robust score tests by the residuals of participants. Coefficients: Wald, with"
+    " participants less coefficients as the degrees of freedom of t."
+)
+IN_SUM_CODING = (
+    "Effects are tested in sum coding: that of a factor is its average over the levels of the"
+    " others. Difference, of a factor with two levels: first less second level. Covariates are in"
+    " no family."
 )
 SPREADS = (
     "from, to: 95 % confidence interval. SD: between participants, and of the residuals; ICC:"
     " intraclass correlation."
-)
-FREEDOM = (
-    "df: by the between-within method, as in R's nlme (Pinheiro and Bates, Mixed-Effects Models in"
-    " S and S-PLUS, 2000, section 2.4.2). A coefficient that changes within participants has the"
-    " observations less participants less such coefficients; any other has the participants less"
-    " the others, the intercept among them. The intercept itself has the larger of the two."
 )
 CODED = {
     "treatment": "Coefficients: treatment coding, against the first level.",
@@ -72,297 +77,262 @@ CODED = {
 }
 
 
-@dataclass(frozen=True)
-class Data:
-    """What an analysis reads: the study's dataset and its measured sessions."""
-
-    dataset: Dataset
-    measured: Sequence[Measured]
-
-    def of(self, measure: str, condition: str) -> Group:
-        """Return a measure in a condition: a value a participant, and the sessions behind them."""
-        questionnaire, point, item = measure.partition(".")
-        if not point:
-            own = [one.session.id for one in self.measured if one.session.condition == condition]
-            known = measure in {column.name for column in METRICS}
-            values = values_by_participant(self.measured, measure, condition) if known else {}
-            return values, own if values else []
-        scale = self._scale(questionnaire, item)
-        if scale is None:
-            return {}, ()
-        responses = coded(self.dataset, counted(self.dataset, questionnaire, condition))
-        return mean_scores(responses, scale), behind_statements(scale.items, responses)
-
-    def _scale(self, questionnaire: str, item: str) -> ScoredScale | None:
-        """Return the scale that a measure names: the whole, a topic, or an item by itself."""
-        definition = self.dataset.questionnaire(questionnaire)
-        return None if definition is None else measured_scale(definition, item)
-
-    def is_known(self, measure: str) -> bool:
-        """Tell whether there is such a measure: a misspelt one has no value anywhere."""
-        questionnaire, point, item = measure.partition(".")
-        if not point:
-            return measure in {column.name for column in METRICS}
-        return self._scale(questionnaire, item) is not None
-
-    def conditions_together(self) -> list[set[str]]:
-        """Return the sets of conditions that one participant may have."""
-        return [set(keys) for keys in conditions_together(self.dataset.study)]
-
-
 def declared(dataset: Dataset, measured: Sequence[Measured]) -> tuple[Table, ...]:
-    """Return the tables of all analyses that the study declared."""
-    data = Data(dataset, measured)
+    data = StudyMeasures(dataset, measured)
     return tuple(
         table
         for one in dataset.study.analyses
-        for table in (_mixed(one, data) if one.test == "mixed" else (_compared(one, data),))
+        for table in (_modelled(one, data) if one.is_model else (_compared(one, data),))
     )
 
 
-def planned(
+def name_of(one: DeclaredAnalysis) -> str:
+    return f"analysis-{one.key.replace('_', '-')}"
+
+
+def _title(one: DeclaredAnalysis, data: StudyMeasures) -> str:
+    return data.dataset.say(one.title).removesuffix(".")
+
+
+def _plan_head(study: StudyDefinition) -> tuple[str, ...]:
+    return (PLANNED,) if is_confirmatory(study.plan) else ()
+
+
+def _planned(
     one: DeclaredAnalysis,
-    data: Data,
+    study: StudyDefinition,
     measure: str,
     *,
     contrast: int | None = None,
     effect: str = "",
-) -> Row:
+) -> tuple[str, ...]:
     """Return the cell that names the hypotheses of a test; none in a study without hypotheses."""
-    study = data.dataset.study
     if not is_confirmatory(study.plan):
         return ()
     found = deciding_hypotheses(study.plan, one, measure, contrast=contrast, effect=effect)
-    return (words(_named(found, is_post_hoc=contrast is not None and not one.contrasts)),)
-
-
-def _named(found: Sequence[Hypothesis], *, is_post_hoc: bool) -> str:
-    if not found:
-        return EXPLORATORY
-    keys = ", ".join(one.key for one in found)
-    return f"post hoc of {keys}" if is_post_hoc else keys
-
-
-def _plan_head(data: Data) -> tuple[str, ...]:
-    return (PLANNED,) if is_confirmatory(data.dataset.study.plan) else ()
+    keys = ", ".join(it.key for it in found)
+    is_post_hoc = contrast is not None and not one.contrasts
+    return (f"post hoc of {keys}" if found and is_post_hoc else keys or EXPLORATORY,)
 
 
 # --- contrasts, and several conditions ------------------------------------------------------------
 
 
-def _compared(one: DeclaredAnalysis, data: Data) -> Table:
-    pairs = _pairs(one, data)
-    sides = [
-        (
-            (measure, title, number_),
-            [_side(data, measure, keys) for keys in (first, second)],
-            _is_paired(data, first, second),
-        )
+def _compared(one: DeclaredAnalysis, data: StudyMeasures) -> Table:
+    study = data.dataset.study
+    named = [
+        (measure, place, *contrast)
         for measure in one.measures
-        for number_, (title, first, second) in enumerate(pairs, start=1)
+        for place, contrast in enumerate(contrasts_of(study, one, data.dataset.language), start=1)
     ]
-    tests = [
-        compare(
-            {key: values for key, (values, _) in zip(SIDES, groups_, strict=True)},
-            is_paired=is_paired,
-            by_ranks=one.test == "ranks",
-        )
-        for _, groups_, is_paired in sides
+    found = [
+        _test_sides(one, data, measure, dict(zip(SIDES, sides, strict=True)))
+        for measure, _, _, *sides in named
     ]
-    corrected, members = corrected_for(tests, [groups_ for _, groups_, _ in sides])
-    cells = [
-        (
-            words(measure),
-            *compared(title, groups_, _told(test, measure, data), p, is_ordinal=True),
-            *planned(one, data, measure, contrast=number_),
-        )
-        for ((measure, title, number_), groups_, _), test, p in zip(
-            sides, tests, corrected, strict=True
-        )
-    ]
-    head = ("Measure", "Contrast", *head_of(SIDES, is_ordinal=True), *_plan_head(data))
-    rows = [*([] if one.contrasts else _omnibus(one, data)), *cells]
+    corrected, members = comparisons.corrected_for(found)
+    rows = [] if one.contrasts else list(_omnibus(one, data))
+    for (measure, place, title, *_), (test, groups), p in zip(named, found, corrected, strict=True):
+        plan = _planned(one, study, measure, contrast=place)
+        rows.append((measure, *comparisons.compared(title, groups, test, p), *plan))
     notes = (
         "Declared in the study's definition, which is frozen when the study is published."
         + ("" if one.contrasts else " all: every condition at once, corrected among themselves."),
         f"p (Holm): {members} different tests of contrasts are one family.",
-        RULES[data.dataset.study.analysis.counts],
-        *READ_AS,
+        RULES[study.analysis.counts],
+        *_about_metrics(one),
+        *comparisons.READ_AS,
         "r: rank-biserial correlation; ε²: epsilon squared. Difference of ranks: Hodges-Lehmann.",
     )
-    return Table(name_of(one), _title(one, data), head, tuple(rows), notes)
+    head = ("Measure", "Contrast", *comparisons.head_of(SIDES), *_plan_head(study))
+    return Table.of(name_of(one), f"{_title(one, data)}.", head, rows, notes)
 
 
-def _omnibus(one: DeclaredAnalysis, data: Data) -> Iterator[Row]:
-    keys = _conditions(one, data)
-    found = [[data.of(measure, key) for key in keys] for measure in one.measures]
-    tests = [
-        compare(
-            {key: values for key, (values, _) in zip(keys, row, strict=True)},
-            is_paired=any(set(keys) <= together for together in data.conditions_together()),
-            by_ranks=one.test == "ranks",
-        )
-        for row in found
-    ]
-    corrected, _ = corrected_for(tests, found)
-    blank = tuple(words("") for _ in head_of(SIDES, is_ordinal=True)[: -len(TESTED)])
-    for measure, test, p in zip(one.measures, tests, corrected, strict=True):
-        told = tested(_told(test, measure, data), p)
-        yield words(measure), words("all"), *blank, *told, *planned(one, data, measure)
+def _about_metrics(one: DeclaredAnalysis) -> Iterator[str]:
+    if one.test == "times":
+        yield drive_outcomes.CENSORED_AT_END
+    if one.test in {"times", "proportions"}:
+        yield drive_outcomes.UNMOVED
+        return
+    if CENSORED.intersection(one.measures):
+        yield drive_outcomes.ONLY_KNOWN
+    if (PER_MINUTE | OF_COMPLETED).intersection(one.measures):
+        yield drive_outcomes.RATES
 
 
-def _told(test: Test, measure: str, data: Data) -> Test:
-    return test if data.is_known(measure) else Test(test.name, 0, remark="no such measure")
-
-
-def _conditions(one: DeclaredAnalysis, data: Data) -> tuple[str, ...]:
-    return one.conditions or tuple(condition.key for condition in data.dataset.study.conditions)
-
-
-def _pairs(one: DeclaredAnalysis, data: Data) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
-    if one.contrasts:
-        return [(data.dataset.say(it.title), it.first, it.second) for it in one.contrasts]
-    if not one.post_hoc:
-        return []
-    return [(f"{a} − {b}", (a,), (b,)) for a, b in combinations(_conditions(one, data), 2)]
-
-
-def _is_paired(data: Data, first: Sequence[str], second: Sequence[str]) -> bool:
-    """Tell whether a participant has conditions of both sides."""
-    return any(
-        together.intersection(first) and together.intersection(second)
-        for together in data.conditions_together()
+def _test_sides(
+    one: DeclaredAnalysis, data: StudyMeasures, measure: str, sides: Mapping[str, Sequence[str]]
+) -> Compared:
+    """Return the test of a measure between sides, of some conditions each, and their groups."""
+    found = {name: data.side(one.test, measure, keys) for name, keys in sides.items()}
+    groups = [group for _, group in found.values()]
+    if why := data.unknown(one.test, measure):
+        return Test("–", 0, remark=why), groups
+    if one.test in FAMILIES:
+        drives = {name: own for name, (own, _) in found.items()}
+        return compare_drives(KINDS[measure], drives), groups
+    values = {name: group.values for name, (_, group) in found.items()}
+    is_paired = any(
+        all(set(together).intersection(keys) for keys in sides.values())
+        for together in conditions_together(data.dataset.study)
     )
+    return compare(values, is_paired=is_paired, by=cast("conditions.Compared", one.test)), groups
 
 
-def _side(data: Data, measure: str, keys: Sequence[str]) -> Group:
-    """Return the means of participants over the conditions of a side; those who lack one of the
-    conditions that they were to have on it have none.
-    """
-    found = {key: data.of(measure, key) for key in keys}
-    values: dict[str, float] = {}
-    for together in data.conditions_together():
-        own = [found[key][0] for key in keys if key in together]
-        if own:
-            shared = set.intersection(*(set(one) for one in own))
-            values |= {who: sum(one[who] for one in own) / len(own) for who in shared}
-    return dict(sorted(values.items())), [ids for _, own_ids in found.values() for ids in own_ids]
+def _omnibus(one: DeclaredAnalysis, data: StudyMeasures) -> Iterator[Cells]:
+    sides = {key: (key,) for key in conditions_of(data.dataset.study, one)}
+    found = [_test_sides(one, data, measure, sides) for measure in one.measures]
+    corrected, _ = comparisons.corrected_for(found)
+    blank = [""] * (len(comparisons.head_of(SIDES)) - len(comparisons.TESTED))
+    for measure, (test, _), p in zip(one.measures, found, corrected, strict=True):
+        plan = _planned(one, data.dataset.study, measure)
+        yield measure, "all", *blank, *comparisons.tested(test, p), *plan
 
 
-# --- mixed models ---------------------------------------------------------------------------------
+def conditions_of(study: StudyDefinition, one: DeclaredAnalysis) -> tuple[str, ...]:
+    return one.conditions or tuple(condition.key for condition in study.conditions)
 
 
-def _mixed(one: DeclaredAnalysis, data: Data) -> tuple[Table, Table]:
+def contrasts_of(
+    study: StudyDefinition, one: DeclaredAnalysis, language: str
+) -> list[tuple[str, tuple[str, ...], tuple[str, ...]]]:
+    if one.contrasts:
+        return [(spoken(it.title, language), it.first, it.second) for it in one.contrasts]
+    pairs = combinations(conditions_of(study, one), 2) if one.post_hoc else ()
+    return [(f"{a} − {b}", (a,), (b,)) for a, b in pairs]
+
+
+# --- models ---------------------------------------------------------------------------------------
+
+
+def _modelled(one: DeclaredAnalysis, data: StudyMeasures) -> tuple[Table, Table]:
+    study = data.dataset.study
     fits = {measure: _model(one, data, measure) for measure in one.measures}
-    ps = [
-        test.p for model in fits.values() if isinstance(model, MixedModel) for test in model.terms
-    ]
+    fitted = {key: model for key, model in fits.items() if isinstance(model, FittedModel)}
+    n_effects = len(one.effects)  # a model's terms are its effects, then its covariates
+    ps = [test.p for model in fitted.values() for test in model.terms[:n_effects]]
     corrected = iter(holm(ps))
-    rows: list[Row] = []
-    coefficients: list[Row] = []
+    head = (
+        *("Measure", "Effect", "Participants", "Observations", "Test", "Statistic", "df", "df 2"),
+        *("p", "p (Holm)", *comparisons.DIFFERENCE, comparisons.REMARK),
+    )
+    rows: list[Cells] = []
     for measure, model in fits.items():
         if isinstance(model, str):
-            blank = tuple(words("") for _ in range(9))
-            own = planned(one, data, measure)
-            rows.append((words(measure), *blank, words(model), *own))
+            blank = [""] * (len(head) - 2)
+            rows.append((measure, *blank, model, *_planned(one, study, measure)))
             continue
-        remark = "participants do not differ (variance 0)" if model.is_singular else ""
-        rows += [
-            (
-                *(words(measure), words(test.name), count(model.participants)),
-                *(count(model.observations), words("Wald F"), number(test.f, 2)),
-                *(number(test.df[0], 0), number(test.df[1], 0), probability(test.p)),
-                *(probability(next(corrected)), words(remark)),
-                *planned(one, data, measure, effect=test.name),
+        for at, test in enumerate(model.terms):
+            p: TableCell | str = ""
+            plan = tuple(EXPLORATORY for _ in _plan_head(study))
+            if at < n_effects:
+                p = probability(next(corrected))
+                plan = _planned(one, study, measure, effect=test.name)
+            rows.append(
+                (
+                    *(measure, test.name, model.participants, model.observations),
+                    *(TESTS[one.test], number(test.f, 2), number(test.df[0], 0)),
+                    *(number(test.df[1], 1), probability(test.p), p),
+                    *(*comparisons.estimated(test.difference, 3), model.remark, *plan),
+                )
             )
-            for test in model.terms
-        ]
-        coefficients += _coefficients(measure, model)
-    head = ("Measure", "Effect", "Participants", "Observations", "Test", "Statistic")
-    title = _title(one, data)
+    about = (MODELS[one.test], *(() if one.test == "mixed" else (CLUSTERED,)))
+    notes = (*about, IN_SUM_CODING, comparisons.family(len(ps)), *_about_metrics(one))
+    heads = (*head, *_plan_head(study))
     return (
-        Table(
-            name_of(one),
-            title,
-            (*head, "df", "df 2", "p", "p (Holm)", REMARK, *_plan_head(data)),
-            tuple(rows),
-            (FITTED, family(len(ps))),
-        ),
-        Table(
+        Table.of(name_of(one), f"{_title(one, data)}.", heads, rows, notes),
+        Table.of(
             f"{name_of(one)}-coefficients",
-            title.removesuffix(".") + ": coefficients.",
+            f"{_title(one, data)}: coefficients.",
             ("Measure", "Coefficient", "Estimate", "from", "to", "SE", "t", "df", "p"),
-            tuple(coefficients),
-            (
-                CODED[one.coding],
-                FREEDOM,
-                SPREADS,
-            ),
+            (row for measure, model in fitted.items() for row in _coefficients(measure, model)),
+            (CODED[one.coding], *about, SPREADS),
         ),
     )
 
 
-def _coefficients(measure: str, model: MixedModel) -> Iterator[Row]:
+def _coefficients(measure: str, model: FittedModel) -> Iterator[Cells]:
     for it in model.coefficients:
         yield (
-            *(words(measure), words(it.name), *estimated(it.estimate, 3), number(it.error, 3)),
-            *(number(it.t, 2), number(it.df, 0), probability(it.p)),
+            *(measure, it.name, *comparisons.estimated(it.estimate, 3), number(it.error, 3)),
+            *(number(it.t, 2), number(it.df, 1), probability(it.p)),
         )
-    total = model.sd_participants**2 + model.sd_residual**2
-    for name, value in (
-        ("SD participants", model.sd_participants),
-        ("SD residual", model.sd_residual),
-        ("ICC", model.sd_participants**2 / total),
-    ):
-        yield (words(measure), words(name), number(value, 3), *(words("") for _ in range(6)))
+    for name, value in model.spreads:
+        yield measure, name, number(value, 3), *[""] * 6
 
 
-def _model(one: DeclaredAnalysis, data: Data, measure: str) -> MixedModel | str:
-    """Return the model of a measure, or why there is none."""
-    if not data.is_known(measure):
-        return "no such measure"
-    study = data.dataset.study
+def _model(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> FittedModel | str:
+    """Return the model of a measure, or why there is none. Its terms are in sum coding, its
+    coefficients in the declared one.
+    """
+    if why := data.unknown(one.test, measure):
+        return why
+    try:
+        own = _observations(one, data, measure)
+        found = own.fit(one, "sum")
+        if one.coding != "sum":
+            found = replace(found, coefficients=own.fit(one, one.coding).coefficients)
+    except CannotFitError as error:
+        return str(error)
+    return replace(found, remark="; ".join(filter(None, (found.remark, own.remark))))
+
+
+@dataclass(frozen=True)
+class ModelData:
+    observed: Sequence[DriveOutcome]
+    rows: Sequence[Row]
+    levels: Mapping[str, Sequence[str]]
+    remark: str
+
+    def fit(self, one: DeclaredAnalysis, coding: Coding) -> FittedModel:
+        terms = (*one.effects, *one.covariates)
+        design = design_of(self.levels, terms, self.rows, coding)
+        if one.test != "mixed":
+            return fit_family(cast("Family", one.test), self.observed, design, terms)
+        values = np.array([one.value for one in self.observed])
+        return fit(values, design, terms, [one.who for one in self.observed])
+
+
+def _observations(one: DeclaredAnalysis, data: StudyMeasures, measure: str) -> ModelData:
+    """Return the observations of a model; participants whose covariates are unknown have none."""
     orders = {person.id: person.cell for person in data.dataset.participants}
-    outcome, rows, who = [], [], []
-    for condition in study.conditions:
+    covariates = {name: data.covariate(name) for name in one.covariates}
+    observed: list[DriveOutcome] = []
+    rows: list[dict[str, str | float]] = []
+    lacking: set[str] = set()
+    for condition in data.dataset.study.conditions:
         if one.conditions and condition.key not in one.conditions:
             continue
-        values, _ids = data.of(measure, condition.key)
-        for participant, value in values.items():
-            order = orders.get(participant, "")
+        for drive in data.drives(one.test, measure, condition.key):
+            given = {
+                name: values[drive.who]
+                for name, (values, _) in covariates.items()
+                if drive.who in values
+            }
+            if len(given) < len(covariates):
+                lacking.add(drive.who)
+                continue
+            order = orders.get(drive.who, "")
             places = order.split("-")
             period = places.index(condition.key) + 1 if condition.key in places else 0
             own = {"condition": condition.key, "order": order, "period": str(period)}
-            outcome.append(value)
-            rows.append({**condition.levels, **own})
-            who.append(participant)
-    try:
-        design = design_of(_levels(data, rows), one.effects, rows, one.coding)
-        return fit(np.array(outcome), design, one.effects, who)
-    except CannotFitError as error:
-        return str(error)
+            observed.append(drive)
+            rows.append({**condition.levels, **own, **given})
+    if not observed:
+        raise CannotFitError("fewer than three participants")
+    levels = levels_of(data.dataset.study, rows) | {
+        key: own for key, (_, own) in covariates.items()
+    }
+    remark = f"participants without a covariate: {len(lacking)}" if lacking else ""
+    return ModelData(observed, rows, levels, remark)
 
 
-def _levels(data: Data, rows: Sequence[Mapping[str, str]]) -> dict[str, list[str]]:
-    """Return the levels of everything that a model may name; of the study's own, those that it
+def levels_of(study: StudyDefinition, rows: Sequence[Row]) -> dict[str, Sequence[str]]:
+    """Return the levels of every factor that a model may name: of the study's own, those that it
     declares and that have data.
     """
-    study = data.dataset.study
-    written = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
-    written["condition"] = [condition.key for condition in study.conditions]
+    levels = {factor.key: [level.key for level in factor.levels] for factor in study.factors}
+    levels["condition"] = [condition.key for condition in study.conditions]
     for name in ("period", "order"):
-        written[name] = sorted({row[name] for row in rows})
-    given = {name: {row[name] for row in rows if name in row} for name in written}
-    return {
-        name: [level for level in levels if level in given[name]]
-        for name, levels in written.items()
-    }
-
-
-def name_of(one: DeclaredAnalysis) -> str:
-    """Return the name of an analysis's table."""
-    return f"analysis-{one.key.replace('_', '-')}"
-
-
-def _title(one: DeclaredAnalysis, data: Data) -> str:
-    return f"{data.dataset.say(one.title).removesuffix('.')}."
+        levels[name] = sorted({str(row[name]) for row in rows})
+    given = {name: {row[name] for row in rows if name in row} for name in levels}
+    return {name: [one for one in own if one in given[name]] for name, own in levels.items()}

@@ -1,294 +1,200 @@
-"""What changes with what: conditions compared, driving against the network, and what visitors learn
-from session to session.
+"""Differences between conditions, driving against the network, and what participants learn from
+visit to visit.
 
-A participant is one point in every test: several sessions under one condition are averaged first.
-Within-subject conditions are compared over the participants who had them all. p values of one
-family are corrected by Holm's method.
+A participant is one point in tests of means: several sessions under one condition are averaged
+first. Within-subject conditions are compared over the participants who had them all. Proportions,
+counts and times have tests of their own (drive_outcomes.py). p values of one family are corrected
+by Holm's method.
 """
 
 import math
-from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise, product
 
 import numpy as np
 
-from experiments.analysis.dataset.levels import WAYS
-from experiments.analysis.dataset.records import COMPLETED, Dataset
+from experiments.analysis.metrics.definitions import label_of
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.statistics.comparisons import correlation, holm
-from experiments.analysis.statistics.conditions import compare
+from experiments.analysis.statistics.comparisons import correlation
 from experiments.analysis.statistics.descriptive import spread, wilson
 from experiments.analysis.tables.comparisons import (
     READ_AS,
     TESTED,
-    Group,
-    compared,
+    Compared,
+    ComparedSide,
+    comparison_table,
     corrected_for,
-    head_of,
+    family,
     tested,
 )
-from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.analysis.tables.drive_outcomes import (
+    CENSORED_AT_END,
+    RATES,
+    UNMOVED,
+    comparable,
+    mean_side,
+    metric_test,
+)
+from experiments.analysis.tables.table import (
+    Table,
+    number,
+    people_in,
+    percent_of,
+    session_count,
+)
+from experiments.dataset.counting import visits_of
+from experiments.dataset.levels import WAYS
+from experiments.dataset.records import COMPLETED, Dataset
 
 OUTCOMES = (
-    "total_time",
-    "task_time",
-    "time_to_motion",
-    "docking_time",
-    "path",
-    "efficiency",
-    "speed",
-    "stops",
-    "collisions",
-    "near_seconds",
+    *("completed", "task_time", "time_to_motion", "docking_time", "path", "efficiency", "speed"),
+    *("stops", "collisions", "near_seconds"),
 )
-CAUSES = ("round_trip", "loss", "command_age", "frame_age", "fps")
-BINS: Mapping[str, tuple[float, ...]] = {
+# The metrics of the network, each with the bounds of its classes.
+CAUSES: Mapping[str, tuple[float, ...]] = {
     "round_trip": (0.05, 0.1, 0.2, 0.4),
     "loss": (0.001, 0.01, 0.05),
     "command_age": (0.05, 0.1, 0.2, 0.4),
     "frame_age": (0.1, 0.2, 0.4, 1.0),
     "fps": (5.0, 10.0, 15.0, 25.0),
 }
-LEARNT = ("total_time", "task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
-MOST_SESSIONS = 6  # of a visitor have a row of their own
+MEDIANS = ("task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
+OF_CLASS = (
+    *("Participants", "Sessions", "% completed"),
+    *(f"{label_of(name)}, median" for name in MEDIANS),
+)
+LEARNT = ("completed", *MEDIANS)
+MOST_VISITS = 6  # of a participant have a row of their own
 
 
 def compare_conditions(
     dataset: Dataset, measured: Sequence[Measured], names: Sequence[str] = OUTCOMES
 ) -> Table:
-    """Return every metric by condition, with a test of the difference."""
     keys = _conditions(dataset, measured)
-    ids = {
-        key: [one.session.id for one in measured if one.session.condition == key] for key in keys
-    }
-    is_paired = dataset.study.allocation.design == "within"
-    rows = [
-        [(values_by_participant(measured, name, key), ids[key]) for key in keys] for name in names
-    ]
-    tests = [
-        compare(
-            {key: values for key, (values, _) in zip(keys, row, strict=True)}, is_paired=is_paired
-        )
-        for row in rows
-    ]
-    corrected, members = corrected_for(tests, rows)
-    cells = tuple(
-        compared(name, row, test, p)
-        for name, row, test, p in zip(names, rows, tests, corrected, strict=True)
-    )
-    below = ("A participant's sessions under a condition are averaged first.", family(members))
-    head = ("Metric", *head_of(keys))
-    return Table("conditions", "Metrics by condition.", head, cells, (*below, *READ_AS))
+    sides = {key: [one for one in measured if one.session.condition == key] for key in keys}
+    found = _tested(names, sides, is_paired=dataset.study.allocation.design == "within")
+    averaged = "A participant's sessions under a condition are averaged first."
+    notes = (averaged, CENSORED_AT_END, UNMOVED, RATES)
+    return comparison_table("conditions", "Metrics by condition.", "Metric", keys, found, notes)
 
 
-def family(members: int) -> str:
-    """Return the sentence on what the p values of a table are corrected for."""
-    return f"p (Holm): corrected for the {amount(members, 'different test')} of this table."
+def _tested(
+    names: Sequence[str], sides: Mapping[str, Sequence[Measured]], *, is_paired: bool
+) -> list[tuple[str, Compared]]:
+    return [(label_of(name), metric_test(name, sides, is_paired=is_paired)) for name in names]
 
 
 def _conditions(dataset: Dataset, measured: Sequence[Measured]) -> list[str]:
-    present = {one.session.condition for one in measured}
-    return [one.key for one in dataset.study.conditions if one.key in present] + sorted(
-        present - {one.key for one in dataset.study.conditions} - {""}
-    )
-
-
-def values_by_participant(
-    measured: Sequence[Measured], name: str, condition: str | None = None
-) -> dict[str, float]:
-    """Return the mean of a metric over each participant's sessions, of all or of one condition."""
-    found: dict[str, list[float]] = {}
-    for one in measured:
-        if condition in {None, one.session.condition} and math.isfinite(one.values[name]):
-            found.setdefault(one.session.participant, []).append(one.values[name])
-    return {who: math.fsum(values) / len(values) for who, values in found.items()}
+    """Return the conditions that have sessions: those of the study in its order, then others."""
+    present = {one.session.condition for one in measured} - {""}
+    planned = [one.key for one in dataset.study.conditions if one.key in present]
+    return planned + sorted(present - set(planned))
 
 
 def outcomes_by_condition(dataset: Dataset, measured: Sequence[Measured]) -> Table:
-    """Return how the sessions of each condition ended, the share of completed ones, and its
-    interval.
-    """
-    outcomes = sorted(
-        {one.session.outcome for one in measured}, key=lambda word: (word != COMPLETED, word)
-    )
+    """Return how the sessions of each condition ended, with the share of completed ones."""
+    sessions = [one.session for one in measured]
+    outcomes = sorted({one.outcome for one in sessions}, key=lambda one: (one != COMPLETED, one))
     rows = []
-    for key in [*_conditions(dataset, measured), None]:
-        own = [one.session for one in measured if key in {None, one.session.condition}]
-        done = [one.id for one in own if one.outcome == COMPLETED]
-        bounds = wilson(len(done), len(own)) or (None, None)
-        cells = [
-            count(len(ids), ids)
-            for word in outcomes
-            if (ids := [one.id for one in own if one.outcome == word]) is not None
-        ]
-        people = count(len({one.participant for one in own}), [one.id for one in own])
-        share = number(100.0 * len(done) / len(own) if own else None, 1, done)
-        limits = (number(None if bound is None else 100.0 * bound, 1) for bound in bounds)
-        rows.append(
-            (
-                words(key or "all"),
-                people,
-                count(len(own), [one.id for one in own]),
-                *cells,
-                share,
-                *limits,
-            )
-        )
-    head = (
-        "Condition",
-        "Participants",
-        "Sessions",
-        *(word or "not ended" for word in outcomes),
-        "% completed",
-        "from",
-        "to",
-    )
-    return Table(
-        "outcomes",
-        "Outcomes.",
-        head,
-        tuple(rows),
-        ("from, to: 95 % interval of the share (Wilson), sessions taken as independent.",),
-    )
+    for key in (*_conditions(dataset, measured), None):
+        own = [one for one in sessions if key in {None, one.condition}]
+        ids = [one.id for one in own]
+        ended = {name: [one.id for one in own if one.outcome == name] for name in outcomes}
+        done = ended.get(COMPLETED, [])
+        bounds = wilson(len(done), len(own)) or (math.nan, math.nan)
+        cells = (people_in(own), session_count(ids), *map(session_count, ended.values()))
+        share = (percent_of(done, ids), *(number(100.0 * bound, 1) for bound in bounds))
+        rows.append((key or "all", *cells, *share))
+    named = (name or "not ended" for name in outcomes)
+    head = ("Condition", "Participants", "Sessions", *named, "% completed", "from", "to")
+    note = "from, to: 95 % interval of the share (Wilson), sessions taken as independent."
+    return Table.of("outcomes", "Outcomes.", head, rows, (note, UNMOVED))
 
 
-def against_network(measured: Sequence[Measured], names: Sequence[str] = OUTCOMES) -> Table:
-    """Return the rank correlation of driving with the network, a participant one point."""
-    pairs = [(cause, name) for cause in CAUSES for name in names]
-    tests, members = [], []
-    for cause, name in pairs:
-        first, second = (
-            values_by_participant(measured, cause),
-            values_by_participant(measured, name),
-        )
+def against_network(measured: Sequence[Measured]) -> Table:
+    """Return rank correlations of driving with the network, a participant one point."""
+    pairs, found = list(product(CAUSES, OUTCOMES)), list[Compared]()
+    for pair in pairs:
+        first, second = (mean_side(measured, name).values for name in pair)
         shared = sorted(set(first) & set(second))
-        x, y = ([one[who] for who in shared] for one in (first, second))
-        tests.append(correlation(np.array(x), np.array(y)))
-        members.append((tuple(x), tuple(y)))
-    corrected = holm([test.p for test in tests], members)
-    kept = [place for place, head in enumerate(TESTED) if not head.startswith("Difference")]
+        sides = [ComparedSide({who: one[who] for who in shared}) for one in (first, second)]
+        x, y = (np.array([*one.values.values()]) for one in sides)
+        found.append((correlation(x, y), sides))
+    corrected, members = corrected_for(found)
+    printed = [at for at, head in enumerate(TESTED) if not head.startswith("Difference")]
     rows = []
-    for (cause, name), test, p in zip(pairs, tests, corrected, strict=True):
+    for (cause, name), (test, _), p in zip(pairs, found, corrected, strict=True):
         cells = tested(test, p)
-        rows.append((words(cause), words(name), *(cells[place] for place in kept)))
-    different = len({one for one, test in zip(members, tests, strict=True) if test.is_known})
-    below = (
-        "Spearman's rank correlation over participants, whose sessions are averaged first.",
-        family(different),
-        READ_AS[0],
-    )
-    return Table(
-        "network-effects",
-        "Driving against the network.",
-        ("Of the network", "Of the driving", *(TESTED[place] for place in kept)),
-        tuple(rows),
-        below,
-    )
+        rows.append((cause, label_of(name), *(cells[at] for at in printed)))
+    averaged = "Spearman's rank correlation over participants, whose sessions are averaged first."
+    head = ("Of the network", "Of the driving", *(TESTED[at] for at in printed))
+    notes = (averaged, family(members), READ_AS[0])
+    return Table.of("network-effects", "Driving against the network.", head, rows, notes)
 
 
 def by_network(measured: Sequence[Measured]) -> Table:
-    """Return outcome and driving in classes of delay, loss, command age and the like, and by the
-    way that most commands took.
-    """
+    """Return driving in classes of delay, loss and the like, and by the channel of commands."""
     rows = [row for cause in CAUSES for row in _classes(measured, cause)]
-    mostly = {way: [one for one in measured if one.values[f"share_{way}"] > 0.5] for way in WAYS}
-    rows += [_class_row("control way", way, own) for way, own in mostly.items()]
-    head = (
-        "Of the network",
-        "Class",
-        "Participants",
-        "Sessions",
-        "% completed",
-        *(f"{name}, median" for name in LEARNT),
+    for channel in WAYS:
+        mostly = [one for one in measured if one.values[f"share_{channel}"] > 0.5]
+        rows.append(_class_row("control way", channel, mostly))
+    title = "Outcome and driving by class of network."
+    return Table.of("network-classes", title, ("Of the network", "Class", *OF_CLASS), rows)
+
+
+ClassRow = tuple[object, ...]
+
+
+def _classes(measured: Sequence[Measured], cause: str) -> Iterator[ClassRow]:
+    for low, high in pairwise((-math.inf, *CAUSES[cause], math.inf)):
+        label = f"{low:g} – {high:g}"
+        if low == -math.inf:
+            label = f"< {high:g}"
+        elif high == math.inf:
+            label = f"≥ {low:g}"
+        yield _class_row(cause, label, [one for one in measured if low <= one.values[cause] < high])
+
+
+def _class_row(head: str, label: str, own: Sequence[Measured]) -> ClassRow:
+    sessions = [one.session for one in own]
+    ids = [one.id for one in sessions]
+    done = [one.id for one in sessions if one.outcome == COMPLETED]
+    medians = (
+        number(spread([comparable(one, name) for one in own]).median, 3, ids) for name in MEDIANS
     )
-    return Table("network-classes", "Outcome and driving by class of network.", head, tuple(rows))
-
-
-def _classes(measured: Sequence[Measured], cause: str) -> list[tuple[TableCell, ...]]:
-    edges = (-math.inf, *BINS[cause], math.inf)
-    rows = []
-    for low, high in pairwise(edges):
-        label = (
-            f"< {high:g}"
-            if low == -math.inf
-            else f"≥ {low:g}"
-            if high == math.inf
-            else f"{low:g} – {high:g}"
-        )
-        rows.append(
-            _class_row(cause, label, [one for one in measured if low <= one.values[cause] < high])
-        )
-    return rows
-
-
-def _class_row(head: str, label: str, own: Sequence[Measured]) -> tuple[TableCell, ...]:
-    ids = [one.session.id for one in own]
-    done = [one.session.id for one in own if one.session.outcome == COMPLETED]
-    medians = (number(spread([one.values[name] for one in own]).median, 3, ids) for name in LEARNT)
-    share = number(100.0 * len(done) / len(ids) if ids else None, 1, done)
-    return (
-        words(head),
-        words(label),
-        count(len({one.session.participant for one in own}), ids),
-        count(len(ids), ids),
-        share,
-        *medians,
-    )
+    return head, label, people_in(sessions), session_count(ids), percent_of(done, ids), *medians
 
 
 def learning(measured: Sequence[Measured]) -> Table:
-    """Return metrics by the number of a visitor's session: the learning curve, of those who came
-    back as well.
-    """
-    rows = []
-    for number_ in range(1, MOST_SESSIONS + 1):
-        own = [one for one in measured if one.session.number == number_]
-        if own:
-            rows.append(_class_row("session", str(number_), own))
-    later = [one for one in measured if one.session.number > MOST_SESSIONS]
-    if later:
-        rows.append(_class_row("session", f"≥ {MOST_SESSIONS + 1}", later))
-    head = (
-        "",
-        "",
-        "Participants",
-        "Sessions",
-        "% completed",
-        *(f"{name}, median" for name in LEARNT),
+    visits = visits_of(one.session for one in measured)
+    groups: dict[int, list[Measured]] = {}
+    for one in measured:
+        groups.setdefault(min(visits[one.session.id], MOST_VISITS + 1), []).append(one)
+    rows = (
+        _class_row("visit", str(n) if n <= MOST_VISITS else f"≥ {n}", own)
+        for n, own in sorted(groups.items())
     )
-    return Table("learning", "Metrics by session number.", head, tuple(rows))
+    return Table.of("learning", "Metrics by visit.", ("", "", *OF_CLASS), rows)
 
 
 def learnt(measured: Sequence[Measured]) -> Table:
-    """Return the test of each metric in the second against the first sessions of the same
-    participants.
-    """
-    rows = [[_in_session(measured, name, number_) for number_ in (2, 1)] for name in LEARNT]
-    tests = [
-        compare({"second": second[0], "first": first[0]}, is_paired=True) for second, first in rows
-    ]
-    corrected, members = corrected_for(tests, rows)
-    cells = tuple(
-        compared(name, row, test, p)
-        for name, row, test, p in zip(LEARNT, rows, tests, corrected, strict=True)
+    """Return tests of the second against the first visits, in conditions driven on both."""
+    visits = visits_of(one.session for one in measured)
+    own: dict[int, dict[tuple[str, str], Measured]] = {}
+    for one in measured:
+        key = (one.session.participant, one.session.condition)
+        own.setdefault(visits[one.session.id], {})[key] = one
+    first, second = own.get(1, {}), own.get(2, {})
+    sides = {
+        "second": [one for key, one in second.items() if key in first],
+        "first": [one for key, one in first.items() if key in second],
+    }
+    found = _tested(LEARNT, sides, is_paired=True)
+    notes = (
+        "Participants who came back, in the conditions that they drove on both visits.",
+        "Difference: second less first visit.",
+        CENSORED_AT_END,
+        RATES,
     )
-    below = (
-        "Participants who came back. Difference: second less first session.",
-        family(members),
-        *READ_AS,
-    )
-    return Table(
-        "learning-tests",
-        "Second against first session.",
-        ("Metric", *head_of(("second", "first"))),
-        cells,
-        below,
-    )
-
-
-def _in_session(measured: Sequence[Measured], name: str, number_: int) -> Group:
-    own = [
-        one for one in measured if one.session.number == number_ and math.isfinite(one.values[name])
-    ]
-    values = {one.session.participant: one.values[name] for one in own}
-    return values, [one.session.id for one in own]
+    title = "Second against first visit."
+    return comparison_table("learning-tests", title, "Metric", tuple(sides), found, notes)

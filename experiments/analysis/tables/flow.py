@@ -1,259 +1,252 @@
-"""Where participants went: the flow from arriving to answering, with reasons for every loss, and
-the funnel page by page.
+"""Where participants went: the flow from arriving to answering, with reasons for every loss; the
+orders of conditions; and the funnel page by page.
 
-Four facts are kept apart: assigned, exposed (the first velocity moved the robot), how the task
-ended, and answered. Nobody is lost from the flow: each line is the one above it less those who are
-named between.
+The flow follows CONSORT (Hopewell et al., BMJ 389, 2025): participants are shown in the condition
+that was drawn for them first, and at the last stage that they reached. Each line is the one above
+it less those who are named between.
 """
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
-from experiments.analysis.dataset.records import (
-    COMPLETED,
-    Dataset,
-    ParticipantRecord,
-    SessionRecord,
-)
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.statistics.descriptive import spread
 from experiments.analysis.tables.table import (
     Table,
-    TableCell,
     amount,
-    count,
     number,
+    people_count,
+    session_count,
     spoken,
-    words,
 )
+from experiments.dataset.levels import EXCLUDED, EXCLUDED_BY_PLAN, REPLACED, UNCOUNTED
+from experiments.dataset.records import COMPLETED, Dataset, ParticipantRecord, SessionRecord
 
-COUNTED = "ended with an outcome"
-FLOW = ("arrived", "assigned", "exposed", COUNTED, "answered")
+FLOW = ("arrived", "assigned", "exposed", "drove", "ended", "counted", "answered")
+ARRIVED, ASSIGNED, EXPOSED, DROVE, ENDED, COUNTED, ANSWERED = range(len(FLOW))
+# Of participants who withdrew: the stage that is kept of them (levels.STAGES).
+OF_WITHDRAWN = {
+    "arrived": ARRIVED,
+    "assigned": ASSIGNED,
+    "exposed": EXPOSED,
+    "ended": ENDED,
+    "answered": ENDED,
+}
 STILL_THERE = "not continued (yet)"
-Row = tuple[TableCell, ...]
+STAGES = (
+    "exposed: the page showed the video of the task. drove: the participant moved the robot. ended:"
+    " with an outcome. counted: a drive counts in the results. answered: the final questionnaire,"
+    " about a drive that counts."
+)
+PLACED = (
+    "Every line is the one above it minus the participants named in between. Participants are"
+    " counted in the condition that was drawn for them first, and at the last stage that they"
+    " reached; of withdrawn participants, only that stage is known."
+)
+Rows = Iterator[tuple[object, ...]]
 
 
 def flow(dataset: Dataset) -> Table:
-    """Return how many participants came how far, why the others did not, and how the tasks of each
-    condition ended.
-    """
-    rows = _stages(dataset, list(dataset.participants), "all")
-    cells = list(dict.fromkeys(one.cell for one in dataset.participants if one.cell))
+    """Return how many reached each stage, why the others did not, and how tasks ended."""
+    found, people = _Flow(dataset), dataset.participants
+    rows = list(found.rows(people, "all"))
+    cells = dict.fromkeys(filter(None, map(_first_cell, people)))
     for cell in cells if len(cells) > 1 else ():
-        rows += _stages(dataset, [one for one in dataset.participants if one.cell == cell], cell)[
-            1:
-        ]
-    below = (
-        (
-            "Every line is the one above it minus the participants named in between; withdrawn"
-            " participants are counted at the last step they reached."
-        ),
-        *_about_ruled_out(dataset),
-    )
-    return Table(
-        "flow",
-        "Flow of participants.",
-        ("Condition", "Stage", "Reason", "Participants"),
-        tuple(rows),
-        below,
-    )
+        rows += [*found.rows([one for one in people if _first_cell(one) == cell], cell)][1:]
+    notes = (STAGES, PLACED, *_about_platform(dataset))
+    head = ("Condition", "Stage", "Reason", "Participants")
+    return Table.of("flow", "Flow of participants.", head, rows, notes)
 
 
-def _about_ruled_out(dataset: Dataset) -> Iterator[str]:
-    reasons = Counter(one.ruled_out for one in dataset.ruled_out)
-    for reason, number_ in sorted(reasons.items()):
+def _first_cell(one: ParticipantRecord) -> str:
+    """Return the cell that was drawn first; older datasets have the last one alone."""
+    return one.first_cell or one.cell
+
+
+def _about_platform(dataset: Dataset) -> Iterator[str]:
+    reasons = Counter(one.fault for one in dataset.others if one.fault)
+    for reason, n in sorted(reasons.items()):
         yield (
-            f"Excluded by rule, because the platform ended them: {amount(number_, 'session')}"
-            f" ({reason}). They count in no other table or figure."
+            f"Excluded by rule, because the platform ended them: {amount(n, 'session')} ({reason})."
+            " They count in no other table or figure."
         )
 
 
-def _stages(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> list[Row]:
-    sessions = {
-        one.id: [session for session in dataset.sessions if session.participant == one.id]
-        for one in people
-    }
-    answered = {
-        one.participant
-        for one in dataset.responses
-        if one.questionnaire == dataset.study.analysis.statements and one.finished
-    }
-    ruled_out = {
-        one.id: [session for session in dataset.ruled_out if session.participant == one.id]
-        for one in people
-    }
-    tests: tuple[Callable[[ParticipantRecord], bool], ...] = (
-        lambda _: True,
-        lambda one: bool(one.cell or sessions[one.id] or ruled_out[one.id]),
-        lambda one: any(session.exposed for session in (*sessions[one.id], *ruled_out[one.id])),
-        lambda one: any(session.exposed and session.outcome for session in sessions[one.id]),
-        lambda one: one.id in answered,
-    )
-    rows: list[Row] = []
-    left = people
-    for stage, reached in zip(FLOW, tests, strict=True):
-        lost = [one for one in left if not reached(one)]
-        left = [one for one in left if reached(one)]
-        reasons = {
-            one.id: _excluded(ruled_out[one.id])
-            if stage == COUNTED and ruled_out[one.id]
-            else f"left: {_reason(one)}"
-            for one in lost
+class _Flow:
+    """The drives of the task by participant, whether they count or not, and who answered."""
+
+    def __init__(self, dataset: Dataset) -> None:
+        self.dataset = dataset
+        self.drives: dict[str, list[SessionRecord]] = {}
+        both = (*dataset.sessions, *dataset.others)
+        for one in sorted(both, key=lambda one: (one.visit, one.round)):
+            self.drives.setdefault(one.participant, []).append(one)
+        statements = dataset.study.analysis.statements
+        self.answered = {
+            one.participant
+            for one in dataset.responses
+            if one.questionnaire == statements and one.finished
         }
-        for reason, number_ in sorted(Counter(reasons.values()).items()):
-            ids = [one.id for one in lost if reasons[one.id] == reason]
-            rows.append(
-                (
-                    words(cell),
-                    words(""),
-                    words(reason),
-                    count(number_, dataset.sessions_of(ids)),
-                )
-            )
-        rows.append(
-            (
-                words(cell),
-                words(stage),
-                words(""),
-                count(len(left), dataset.sessions_of([one.id for one in left])),
-            )
+        self.rules = {one.participant: one.rule for one in dataset.exclusions if not one.session}
+
+    def stage(self, one: ParticipantRecord) -> int:
+        """Return the last stage of FLOW that a participant reached, by its number."""
+        drives = self.drives.get(one.id, [])
+        is_assigned = bool(_first_cell(one) or drives)
+        if one.withdrawn:
+            return OF_WITHDRAWN.get(one.stage, ASSIGNED if is_assigned else ARRIVED)
+        reached = (
+            is_assigned,
+            any(it.exposed for it in drives),
+            any(it.drove for it in drives),
+            any(it.drove and it.outcome for it in drives),
+            any(it.counts for it in drives),
+            one.id in self.answered,
         )
+        return next((n for n, is_true in enumerate(reached) if not is_true), len(reached))
+
+    def rows(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
+        stages = {one.id: self.stage(one) for one in people}
+        for number_, stage in enumerate(FLOW):
+            lost: dict[str, list[str]] = {}
+            for one in people:
+                if stages[one.id] == number_ - 1:
+                    lost.setdefault(self._reason(one, number_), []).append(one.id)
+            for reason, ids in sorted(lost.items()):
+                yield cell, "", reason, people_count(self.dataset, ids)
+            left = [one for one in people if stages[one.id] >= number_]
+            yield cell, stage, "", people_count(self.dataset, [one.id for one in left])
+            if number_ == ASSIGNED:
+                again = [one.id for one in left if one.draws > 1]
+                yield from self._among(cell, "drawn anew", again)
+            if number_ == EXPOSED:
+                replaced = [one.id for one in left if one.place == REPLACED]
+                yield from self._among(cell, "replaced by another participant", replaced)
+            if number_ == ENDED:
+                yield from self._outcomes(left, cell)
+
+    def _among(self, cell: str, what: str, ids: Sequence[str]) -> Rows:
+        if ids:
+            yield cell, "", f"among them: {what}", people_count(self.dataset, ids)
+
+    def _reason(self, one: ParticipantRecord, stage: int) -> str:
+        if one.withdrawn:
+            return "left: withdrew"
         if stage == COUNTED:
-            rows += _outcomes(dataset, left, cell)
-    return rows
+            return self._uncounted(one)
+        if one.left:
+            return f"left: {spoken(one.left)}"
+        if one.finished:
+            return f"left: finished without {'answers' if stage == ANSWERED else 'a drive'}"
+        drives = self.drives.get(one.id, [])
+        lost = [it.outcome for it in drives if it.outcome not in {"", COMPLETED}]
+        return f"left: {spoken(lost[-1]) if lost and stage < ENDED else STILL_THERE}"
+
+    def _uncounted(self, one: ParticipantRecord) -> str:
+        last = [it for it in self.drives[one.id] if it.drove and it.outcome][-1]
+        if last.counts_why == EXCLUDED_BY_PLAN:
+            return f"excluded: {self.rules[one.id]}"
+        if last.counts_why == EXCLUDED:
+            return "excluded: researcher's decision"
+        return f"excluded: {last.fault or UNCOUNTED[last.counts_why]}"
+
+    def _outcomes(self, people: Sequence[ParticipantRecord], cell: str) -> Rows:
+        """Yield how the first tasks ended in which participants drove."""
+        ended: dict[str, list[str]] = {}
+        for one in people:
+            drives = [it for it in self.drives.get(one.id, []) if it.drove and it.outcome]
+            for first in drives[:1]:
+                ended.setdefault(first.outcome, []).append(first.id)
+        for outcome, ids in sorted(ended.items()):
+            yield cell, "", f"first task: {spoken(outcome)}", session_count(ids)
 
 
-def _outcomes(dataset: Dataset, people: list[ParticipantRecord], cell: str) -> list[Row]:
-    """How their first tasks ended."""
-    known = {one.id for one in people}
-    first: dict[str, tuple[str, str]] = {}
-    for one in sorted(
-        (one for one in dataset.sessions if one.exposed and one.outcome), key=lambda one: one.number
-    ):
-        if one.participant in known:
-            first.setdefault(one.participant, (one.outcome, one.id))
-    words_found = sorted({outcome for outcome, _ in first.values()})
-    return [
-        (words(cell), words(""), words(f"first task: {spoken(word)}"), count(len(ids), ids))
-        for word in words_found
-        for ids in [[one for outcome, one in first.values() if outcome == word]]
-    ]
-
-
-def _excluded(ruled_out: Sequence[SessionRecord]) -> str:
-    return f"excluded: {ruled_out[-1].ruled_out}"
-
-
-def _reason(one: ParticipantRecord) -> str:
-    return "withdrew" if one.withdrawn else spoken(one.left) or STILL_THERE
+def orders(dataset: Dataset) -> Table:
+    """Return how many participants had each order of conditions, a check of counterbalancing."""
+    conditions: dict[str, set[str]] = {}
+    for one in dataset.sessions:
+        conditions.setdefault(one.participant, set()).add(one.condition)
+    rows = []
+    for cell in sorted({one.cell for one in dataset.participants if "-" in one.cell}):
+        own = [one.id for one in dataset.participants if one.cell == cell]
+        some = [who for who in own if who in conditions]
+        whole = [who for who in some if conditions[who] >= set(cell.split("-"))]
+        rows.append((cell, *(people_count(dataset, ids) for ids in (own, some, whole))))
+    head = ("Condition", "Assigned", "With a drive that counts", "With all conditions")
+    return Table.of("orders", "Participants by order of conditions.", head, rows)
 
 
 def fault_sides(dataset: Dataset) -> Table:
-    """Return on which side it lay that sessions were not completed, by outcome; with those that are
-    excluded by rule.
-    """
-    ended = [
-        one for one in (*dataset.sessions, *dataset.ruled_out) if one.outcome not in {"", COMPLETED}
-    ]
-    keys = sorted({(one.outcome, one.fault_side) for one in ended})
-    rows = tuple(
-        (words(spoken(outcome)), words(side or "nobody"), count(len(ids), ids))
-        for outcome, side in keys
-        for ids in [[one.id for one in ended if (one.outcome, one.fault_side) == (outcome, side)]]
+    """Return on which side the fault was for drives that were not completed, counted or not."""
+    ended: dict[tuple[str, str], list[str]] = {}
+    for one in (*dataset.sessions, *dataset.others):
+        if one.outcome not in {"", COMPLETED}:
+            ended.setdefault((one.outcome, one.fault_side), []).append(one.id)
+    rows = (
+        (spoken(outcome), side or "nobody", session_count(ids))
+        for (outcome, side), ids in sorted(ended.items())
     )
-    below = (
-        "Platform: the server was unavailable when the connection was lost; network: the"
-        " connection was lost, and the visitor had not closed the page."
+    note = (
+        "All drives of the task, also those that do not count. Platform: the server was unavailable"
+        " when the connection was lost; network: the connection was lost, and the visitor had not"
+        " closed the page."
     )
-    return Table(
-        "fault-sides",
-        "Sessions that were not completed, by side.",
-        ("Outcome", "Side", "Sessions"),
-        rows,
-        (below,),
-    )
+    head = ("Outcome", "Side", "Sessions")
+    title = "Sessions that were not completed, by side."
+    return Table.of("fault-sides", title, head, rows, (note,))
+
+
+# --- the funnel -----------------------------------------------------------------------------------
 
 
 def funnel(dataset: Dataset, measured: Sequence[Measured]) -> Table:
-    """Return a line a page and milestone: how many came, how many went on, and the median of the
-    seconds that it took.
+    """Return how many reached and passed each page and milestone, and the median seconds.
+    `measured` are all drives of the task, whether they count or not.
     """
     study = dataset.study
-    task = next((index for index, step in enumerate(study.steps) if step is study.task), None)
-    steps = [step.key for step in dataset.study.steps]
+    steps = [step.key for step in study.steps]
+    task = steps.index(study.task.key) + 1 if study.task is not None else len(steps)
     extra = [key for key in dict.fromkeys(page.step for page in dataset.pages) if key not in steps]
-    rows = [
-        _page_row(dataset, key) for key in (*extra, *steps[: task if task is None else task + 1])
-    ]
-    rows += _milestone_rows(dataset, measured)
-    rows += [_page_row(dataset, key) for key in steps[len(steps) if task is None else task + 1 :]]
-    people, sessions = len(dataset.participants), len(dataset.sessions)
-    below = (
-        f"{amount(people, 'participant')}, {amount(sessions, 'session')}. Pages are counted by"
-        " participant, milestones by session."
+    rows = (
+        *(_page_row(dataset, key) for key in (*extra, *steps[:task])),
+        *_milestone_rows(dataset, measured),
+        *(_page_row(dataset, key) for key in steps[task:]),
     )
-    return Table(
-        "funnel",
-        "Funnel.",
-        ("Page or milestone", "Came", "Went on", "Left", "Median (s)"),
-        tuple(rows),
-        (below,),
+    people = amount(len(dataset.participants), "participant")
+    note = (
+        f"{people}, {amount(len(measured), 'session')}. Pages are counted by participant,"
+        " milestones by session, with the sessions that do not count. Stopped: left, or is still"
+        " there. The last page is reached by going on."
     )
+    head = ("Page or milestone", "Came", "Went on", "Stopped", "Median (s)")
+    return Table.of("funnel", "Funnel.", head, rows, (note,))
 
 
-def _page_row(dataset: Dataset, key: str) -> Row:
+def _page_row(dataset: Dataset, key: str) -> tuple[object, ...]:
+    step = dataset.study.step(key)
+    is_end = step is not None and step.is_end
     pages = [page for page in dataset.pages if page.step == key]
     came = {page.participant for page in pages}
-    went = {page.participant for page in pages if page.finished}
-    stayed = sorted(came - went)
+    went = {page.participant for page in pages if page.finished or is_end}
     seconds = spread([page.seconds for page in pages if page.finished]).median
-    cells = (
-        count(len(came), dataset.sessions_of(came)),
-        count(len(went), dataset.sessions_of(went)),
-        count(len(stayed), dataset.sessions_of(stayed)),
-    )
-    return words(_title(dataset, key)), *cells, number(seconds, 1)
+    cells = (people_count(dataset, ids) for ids in (came, went, came - went))
+    return dataset.say(step.title) if step else key, *cells, number(seconds, 1)
 
 
-def _title(dataset: Dataset, key: str) -> str:
-    return next((dataset.say(step.title) for step in dataset.study.steps if step.key == key), key)
-
-
-def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> list[Row]:
-    """Each milestone with the seconds since the one before it, of the sessions
-    that reached both.
-    """
-    numbers = sorted(
-        {
-            stop.number
-            for course in dataset.study.courses
-            for stop in course.checkpoints
-            if stop.number > 0
-        }
-    )
-    times: list[tuple[str, Callable[[Measured], float]]] = [
-        ("first video frame", lambda one: one.milestones.start),
-        ("first motion", lambda one: one.milestones.motion),
-        *((f"checkpoint {n}", _passing(n)) for n in numbers),
-        ("docked", lambda one: one.milestones.docked),
-    ]
-    rows: list[Row] = []
-    came = list(measured)
-    before: Callable[[Measured], float] = lambda _: 0.0  # noqa: E731 -- one of several of its kind
-    for label, when in times:
-        went = [one for one in came if math.isfinite(when(one))]
-        stayed = [one.session.id for one in came if not math.isfinite(when(one))]
-        seconds = spread([when(one) - before(one) for one in went]).median
-        cells = (
-            count(len(came), [one.session.id for one in came]),
-            count(len(went), [one.session.id for one in went]),
-            count(len(stayed), stayed),
-        )
-        rows.append((words(label), *cells, number(seconds, 1)))
-        came, before = went, when
-    return rows
-
-
-def _passing(checkpoint: int) -> Callable[[Measured], float]:
-    return lambda one: one.milestones.checkpoints.get(checkpoint, math.nan)
+def _milestone_rows(dataset: Dataset, measured: Sequence[Measured]) -> Rows:
+    """Yield each milestone with the seconds since the one before it."""
+    stops = {stop.number for course in dataset.study.courses for stop in course.checkpoints} - {0}
+    names = [f"checkpoint {n}" for n in sorted(stops)]
+    times: dict[str, tuple[float, ...]] = {}
+    for one in measured:
+        found = one.milestones
+        passed = (found.checkpoints.get(n, math.nan) for n in sorted(stops))
+        times[one.session.id] = (0.0, found.start, found.motion, *passed, found.docked)
+    came = list(times)
+    for at, name in enumerate(("first video frame", "first motion", *names, "docked"), start=1):
+        went = [one for one in came if math.isfinite(times[one][at])]
+        stopped = [one for one in came if not math.isfinite(times[one][at])]
+        seconds = spread([times[one][at] - times[one][at - 1] for one in went]).median
+        yield name, *map(session_count, (came, went, stopped)), number(seconds, 1)
+        came = went

@@ -1,17 +1,29 @@
-"""Tables 1, 3, 4 and 5 of the paper (Melendez-Fernandez et al., 2017), from a dataset."""
+"""Tables 1, 3, 4 and 5 of Melendez-Fernandez et al. (2017), and Table 5 by condition."""
 
 import math
-from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
-from experiments.analysis.dataset.records import Dataset, ResponseRecord
+from experiments.analysis.statistics.conditions import compare
 from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
-from experiments.analysis.tables.response_selection import counted, note
+from experiments.analysis.tables.comparisons import (
+    ComparedSide,
+    comparison_table,
+    participant_means,
+)
+from experiments.analysis.tables.response_selection import RULES, counted, note
 from experiments.analysis.tables.scored_responses import coded
-from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.analysis.tables.table import (
+    Row,
+    Table,
+    amount,
+    count,
+    number,
+    session_count,
+    words,
+)
+from experiments.dataset.records import Dataset, ResponseRecord
 from sessions.devices import OTHER
 from surveys.answers import Missing
-from surveys.definition import Definition
 from surveys.likert import LikertRow, likert_table
 
 SYSTEMS = ("Windows", "Linux", "Mac OS", "Android", "iOS")
@@ -30,158 +42,124 @@ REVERSED = "reversed: answers are counted from the other end of the scale, in al
 
 
 def table_1(dataset: Dataset) -> Table:
-    """Return the robots, a column each, with what is told of them."""
-    robots = [
-        dataset.robot(name)
-        for name in dict.fromkeys(
-            [*(one.name for one in dataset.robots), *(one.robot for one in dataset.sessions)]
-        )
-    ]
-    driven = {
-        robot.name: tuple(one.id for one in dataset.sessions if one.robot == robot.name)
+    """Return facts about the robots of conditions, and of others that were driven in drives that
+    count.
+    """
+    wanted = {one.robot for one in dataset.study.conditions}
+    own = [one.name for one in dataset.robots if one.series in wanted]
+    used = [one.robot for one in dataset.sessions]
+    robots = [dataset.robot(name) for name in dict.fromkeys([*own, *used])]
+    facts = dict.fromkeys(name for robot in robots for name in robot.facts)
+    rows = [(name, *(robot.facts.get(name, "–") for robot in robots)) for name in facts]
+    sessions = (
+        session_count([one.id for one in dataset.sessions if one.robot == robot.name])
         for robot in robots
-    }
-    facts = list(dict.fromkeys(name for robot in robots for name in robot.facts))
-    rows = [
-        (words(name), *(words(robot.facts.get(name, "–")) for robot in robots)) for name in facts
-    ]
-    rows.append(
-        (
-            words("Sessions"),
-            *(count(len(driven[robot.name]), driven[robot.name]) for robot in robots),
-        )
     )
-    return Table(
-        "table-1", "The telepresence robots.", ("", *(robot.title for robot in robots)), tuple(rows)
-    )
+    head = ("", *(robot.title for robot in robots))
+    return Table.of("table-1", "The telepresence robots.", head, [*rows, ("Sessions", *sessions)])
 
 
 def table_3(dataset: Dataset) -> Table:
-    """Return the sessions by operating system and browser: the paper's rows and columns, any other
-    that was found, and what is unknown.
-    """
+    """Return the sessions by operating system and browser: the paper's, others, unknown ones."""
     found = [(one.os or OTHER, one.browser or OTHER, one.id) for one in dataset.sessions]
     systems = _with_others(SYSTEMS, (system for system, _, _ in found))
     browsers = _with_others(BROWSERS, (browser for _, browser, _ in found))
-
-    def cell(system: str | None, browser: str | None) -> TableCell:
-        ids = [one for s, b, one in found if system in {s, None} and browser in {b, None}]
-        return count(len(ids), ids)
-
     rows = [
-        (words(system), *(cell(system, browser) for browser in browsers), cell(system, None))
-        for system in systems
+        (
+            system or "all",
+            *(
+                session_count(
+                    [one for s, b, one in found if system in {s, None} and browser in {b, None}]
+                )
+                for browser in (*browsers, None)
+            ),
+        )
+        for system in (*systems, None)
     ]
-    rows.append((words("all"), *(cell(None, browser) for browser in browsers), cell(None, None)))
     networks = len({one.network for one in dataset.sessions if one.network})
     people = len({one.participant for one in dataset.sessions})
     below = (
         f"{amount(people, 'participant')}, {amount(len(found), 'session')},"
         f" {amount(networks, 'different network')}. OS: operating system."
     )
-    return Table(
-        "table-3",
-        "OSs and web browsers used to access the system (sessions).",
-        ("OS", *browsers, "all"),
-        tuple(rows),
-        (below,),
-    )
+    title = "OSs and web browsers used to access the system (sessions)."
+    return Table.of("table-3", title, ("OS", *browsers, "all"), rows, (below,))
 
 
 def _with_others(known: tuple[str, ...], found: Iterable[str]) -> tuple[str, ...]:
-    counts = Counter(found)
-    more = sorted(name for name in counts if name not in known and name != OTHER)
-    return (*known, *more, OTHER) if counts[OTHER] else (*known, *more)
+    names = set(found)
+    more = sorted(names - {*known, OTHER})
+    return (*known, *more, OTHER) if OTHER in names else (*known, *more)
 
 
 def table_4(dataset: Dataset) -> Table:
-    """Return the statements of the final questionnaire, by topic."""
     definition = dataset.questionnaire(dataset.study.analysis.statements)
+    title = "Questions answered by the visitors after the experience."
+    head = ("Topic", "", "Statement")
     if definition is None:
-        return Table(
-            "table-4",
-            "Questions answered by the visitors after the experience.",
-            ("Topic", "", "Statement"),
-            (),
-        )
+        return Table("table-4", title, head, ())
     topics = {key: dataset.say(topic.text) for topic in definition.topics for key in topic.items}
-    rows = [
+    rows = (
         (
-            words(topics.get(one.key, "")),
-            words(_statement(one.key, is_reversed=one.key in definition.reversed)),
-            words(dataset.say(one.text)),
+            topics.get(one.key, ""),
+            _statement(one.key, is_reversed=one.key in definition.reversed),
+            dataset.say(one.text),
         )
         for one in definition.questions()
         if one.points
-    ]
-    scale = next((one.points for one in definition.questions() if one.points), ())
-    below = "; ".join(
-        f"{signed(point.value)}: {dataset.say(point.label)}" for point in scale if point.label
     )
-    return Table(
-        "table-4",
-        "Questions answered by the visitors after the experience.",
-        ("Topic", "", "Statement"),
-        tuple(rows),
-        (f"{below}.",),
-    )
+    labels = (f"{signed(value)}: {label}" for value, label in scale_of(dataset).items() if label)
+    return Table.of("table-4", title, head, rows, (f"{'; '.join(labels)}.",))
+
+
+# --- Table 5 --------------------------------------------------------------------------------------
 
 
 def lines_of(
     dataset: Dataset, condition: str | None = None
 ) -> tuple[list[LikertRow], list[ResponseRecord]]:
-    """Return the rows of Table 5 and the responses that count in it, reverse-coded answers counted
-    from the other end; no rows without a questionnaire of statements.
+    """Return the rows of Table 5 and the responses that count in it; reverse-coded answers are
+    counted from the other end.
     """
-    definition = dataset.questionnaire(dataset.study.analysis.statements)
-    responses = coded(dataset, counted(dataset, dataset.study.analysis.statements, condition))
+    analysis = dataset.study.analysis
+    definition = dataset.questionnaire(analysis.statements)
+    responses = coded(dataset, counted(dataset, analysis.statements, condition))
     if definition is None or definition.scoring != "likert":
         return [], responses
-    said = [_on_the_scale(definition, one) for one in responses]
-    return (
-        likert_table(
-            definition,
-            said,
-            language=dataset.language,
-            interval=dataset.study.analysis.interval,
-            overall=OVERALL,
-        ),
-        responses,
-    )
-
-
-def _on_the_scale(definition: Definition, response: ResponseRecord) -> dict[str, int | None]:
-    return {one.key: response.values.get(one.key) for one in definition.questions() if one.points}
+    keys = [one.key for one in definition.questions() if one.points]
+    answers = [{key: one.values.get(key) for key in keys} for one in responses]
+    language, interval = dataset.language, analysis.interval
+    lines = likert_table(definition, answers, language=language, interval=interval, overall=OVERALL)
+    return lines, responses
 
 
 def table_5(dataset: Dataset, condition: str | None = None) -> Table:
-    """Return the summary of the final questionnaire, of all sessions or of those
-    of one condition.
-    """
+    """Return the summary of the final questionnaire, of all sessions or of one condition."""
     lines, responses = lines_of(dataset, condition)
-    scale = scale_of(dataset)
-    head = ("", *(f"% {signed(value)}" for value in scale), "n", "Mean", "SD", "CI95", "CI99")
-    head = (*head, "Median", "IQR")
-    rows = tuple(_summary_row(line, responses, scale) for line in lines)
+    scale = tuple(scale_of(dataset))
+    head = (
+        *("", *(f"% {signed(value)}" for value in scale), "n", "Mean", "SD", "CI95", "CI99"),
+        *("Median", "IQR"),
+    )
+    keys = {key for line in lines for key in line.statements}
+    times = sum(one.missing.get(key) == Missing.NOT_APPLICABLE for one in responses for key in keys)
     below = (
         note(dataset, responses),
         *counted_in(responses),
         INTERVALS[dataset.study.analysis.interval],
         ROUNDED,
         *([REVERSED] if any(line.is_reversed for line in lines) else ()),
-        *_not_applicable(lines, responses),
+        *([f"Answers “Does not apply”: {times}; they count as missing."] if times else ()),
     )
-    suffix = f"-{condition}" if condition else ""
-    title = "Summary of final questionnaire responses" + (
-        f", condition {condition}." if condition else "."
-    )
-    return Table(f"table-5{suffix}", title, head, rows, below)
+    name, title = "table-5", "Summary of final questionnaire responses"
+    if condition:
+        name, title = f"{name}-{condition}", f"{title}, condition {condition}"
+    rows = (_summary_row(line, responses, scale) for line in lines)
+    return Table.of(name, f"{title}.", head, rows, below)
 
 
 def counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
-    """Say what n and the numbers beside it are made of: responses, which are no participants where
-    one participant gave several.
-    """
+    """Yield sentences on n: it counts responses, of which a participant may have given several."""
     several = len(responses) > len({one.participant for one in responses})
     yield (
         "n: responses that answer at least one of the row's statements, "
@@ -200,32 +178,14 @@ def counted_in(responses: Sequence[ResponseRecord]) -> Iterator[str]:
         )
 
 
-def _not_applicable(
-    lines: Sequence[LikertRow], responses: Sequence[ResponseRecord]
-) -> tuple[str, ...]:
-    """Return how often "Does not apply" was answered to the statements; nothing when never."""
-    keys = {key for line in lines for key in line.statements}
-    times = sum(one.missing.get(key) == Missing.NOT_APPLICABLE for one in responses for key in keys)
-    return (f"Answers “Does not apply”: {times}; they count as missing.",) if times else ()
-
-
-def scale_of(dataset: Dataset) -> tuple[int, ...]:
-    """Return the values of the scale of the statements; none without a questionnaire."""
+def scale_of(dataset: Dataset) -> dict[int, str]:
+    """Return the values of the scale of the statements with their labels."""
     definition = dataset.questionnaire(dataset.study.analysis.statements)
-    points = (
-        next((one.points for one in definition.questions() if one.points), ()) if definition else ()
-    )
-    return tuple(point.value for point in points)
+    scales = (one.points for one in definition.questions() if one.points) if definition else ()
+    return {point.value: dataset.say(point.label) for point in next(iter(scales), ())}
 
 
-def behind(line: LikertRow, responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
-    """Return the sessions whose answers a row of Table 5 is made of."""
-    return behind_statements(line.statements, responses)
-
-
-def behind_statements(
-    statements: Sequence[str], responses: Sequence[ResponseRecord]
-) -> tuple[str, ...]:
+def behind(statements: Sequence[str], responses: Sequence[ResponseRecord]) -> tuple[str, ...]:
     """Return the sessions in which one of some statements was answered."""
     return tuple(
         one.session
@@ -234,10 +194,10 @@ def behind_statements(
     )
 
 
-def said(
+def answering(
     line: LikertRow, responses: Sequence[ResponseRecord], values: Sequence[int]
 ) -> tuple[str, ...]:
-    """Return the sessions in which one of some values was answered to one of a row's statements."""
+    """Return the sessions in which a statement of a row was answered with one of some values."""
     return tuple(
         one.session
         for one in responses
@@ -256,36 +216,53 @@ def _statement(key: str, *, is_reversed: bool) -> str:
     return f"{key.upper()} (reversed)" if is_reversed else key.upper()
 
 
-def _summary_row(
-    line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]
-) -> tuple[TableCell, ...]:
-    found, about = line.summary, behind(line, responses)
-    parts = shares(found.counts) or (None,) * len(scale)
-    cells = [
-        number(part, 1, said(line, responses, (value,)))
-        for part, value in zip(parts, scale, strict=True)
-    ]
-    ranked = spread(respondent_scores(responses, line.statements))
+def _summary_row(line: LikertRow, responses: Sequence[ResponseRecord], scale: Sequence[int]) -> Row:
+    found, about = line.summary, behind(line.statements, responses)
+    parts = zip(shares(found.counts) or (None,) * len(scale), scale, strict=True)
+    ranked = spread([score for _, score in _scores(responses, line.statements)])
     numbers = (found.mean, found.sd, found.ci95, found.ci99, ranked.median, ranked.iqr)
     return (
         words(label_of(line)),
-        *cells,
+        *(number(part, 1, answering(line, responses, (value,))) for part, value in parts),
         count(found.respondents, about),
         *(number(value, 2, about) for value in numbers),
     )
 
 
-def respondent_scores(
+def _scores(
     responses: Sequence[ResponseRecord], statements: Sequence[str]
-) -> list[float]:
-    """Return the score of each response: the mean of its answers to some statements."""
-    given = (
-        [value for key in statements if (value := one.values.get(key)) is not None]
-        for one in responses
-    )
-    return [math.fsum(values) / len(values) for values in given if values]
+) -> Iterator[tuple[str, float]]:
+    """Yield the participant and the mean answer of each response to one of some statements."""
+    for one in responses:
+        given = [value for key in statements if (value := one.values.get(key)) is not None]
+        if given:
+            yield one.participant, math.fsum(given) / len(given)
 
 
 def signed(value: float) -> str:
     """Return a value of a scale with its sign, as the paper prints it."""
     return f"+{value:g}" if value > 0 else f"{value:g}".replace("-", "−")
+
+
+def compare_answers(dataset: Dataset) -> Table:
+    """Return every row of Table 5 by condition, with a test of the difference."""
+    found = {one.key: lines_of(dataset, one.key) for one in dataset.study.conditions}
+    found = {key: own for key, own in found.items() if own[1]}
+    lines = next((lines for lines, _ in found.values()), [])
+    is_paired = dataset.study.allocation.design == "within"
+    rows = []
+    for line in lines:
+        keys = line.statements
+        groups = {
+            key: ComparedSide(participant_means(_scores(own, keys)), behind(keys, own))
+            for key, (_, own) in found.items()
+        }
+        values = {key: group.values for key, group in groups.items()}
+        rows.append((label_of(line), (compare(values, is_paired=is_paired), [*groups.values()])))
+    notes = (
+        RULES[dataset.study.analysis.counts],
+        "A participant's score is the mean of their answers. IQR: third less first quartile.",
+        "A topic of one statement is the same test as the statement.",
+    )
+    title = "Final questionnaire by condition."
+    return comparison_table("answers", title, "", [*found], rows, notes)

@@ -1,15 +1,16 @@
-"""Who took part: Table 2 (what they were asked at registration, with what they said) and the table
-of participants.
-"""
+"""Who took part: Table 2, the table of participants, and notes on pilots and bots."""
 
 import math
+from collections import Counter
 from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 
-from experiments.analysis.dataset.levels import WITHHELD
-from experiments.analysis.dataset.records import Dataset, ParticipantRecord, ResponseRecord
-from experiments.analysis.statistics.descriptive import ROUNDED, shares, spread
+from experiments.analysis.statistics.descriptive import ROUNDED, spread
 from experiments.analysis.tables.response_selection import counted, note
-from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.analysis.tables.table import Table, amount, number, people_count
+from experiments.dataset.counting import visits_of
+from experiments.dataset.levels import KINDS, WITHHELD, Kind
+from experiments.dataset.records import Dataset, ParticipantRecord, ResponseRecord
 from surveys.answers import Missing
 from surveys.item import Question
 
@@ -23,123 +24,140 @@ AGES = (
 NOT_REPORTED = "not reported"
 DOES_NOT_APPLY = "does not apply"
 HEAD = ("Question", "Answer", "n", "%")
-Row = tuple[TableCell, ...]
+TITLES = {"bot": "simulated participants (bots)"}  # of other kinds the plural
+BOTS = "bots are programs that took part in place of people"
+People = tuple[str, Collection[str]]  # a label, and the participants that it names
+Rows = Iterator[tuple[object, ...]]
 
 
 def table_2(dataset: Dataset) -> Table:
-    """Return what participants were asked at registration, and how often each answer was given."""
+    """Return the questions of the registration, and how often each answer was given."""
     responses = counted(dataset, dataset.registration)
     definition = dataset.questionnaire(dataset.registration)
-    rows = [
+    rows = (
         row
         for question in (definition.questions() if definition else ())
         for row in _question_rows(dataset, question, responses)
-    ]
-    return Table(
-        "table-2",
-        "Questions for visitor registration, and what was answered.",
-        HEAD,
-        tuple(rows),
-        (note(dataset, responses),),
     )
+    title = "Questions for visitor registration, and what was answered."
+    return Table.of("table-2", title, HEAD, rows, (note(dataset, responses),))
 
 
 def participants_table(dataset: Dataset) -> Table:
-    """Return how many took part, their ages and, of questions with options or a scale, how many
-    gave each answer.
-    """
-    people = [one for one in dataset.participants if not one.withdrawn]
-    responses = counted(dataset, dataset.registration) if dataset.registration else []
-    registered = (
-        {one.participant for one in responses}
-        if dataset.registration
-        else {one.id for one in people}
-    )
-    drivers = {one.participant for one in dataset.sessions if one.exposed}
-    returned = {one.participant for one in dataset.sessions if one.number > 1}
-    total = len(registered)
+    people, responses = dataset.included, list[ResponseRecord]()
+    registered = {one.id for one in people}
+    if dataset.registration:
+        responses = counted(dataset, dataset.registration)
+        registered = {one.participant for one in responses}
+    drivers = {one.participant for one in dataset.sessions}
+    visits = visits_of(dataset.sessions)
+    returned = {one.participant for one in dataset.sessions if visits[one.id] > 1}
+    groups = [("registered", registered), ("drove a robot", drivers), ("came back", returned)]
     rows = [
-        _row(dataset, "Participants", "registered", registered, total),
-        _row(dataset, "", "drove a robot", drivers, total),
-        _row(dataset, "", "came back", returned, total),
+        *_group_rows(dataset, "Participants", groups, len(registered)),
         *_age_rows(dataset, [one for one in people if one.id in registered]),
     ]
     definition = dataset.questionnaire(dataset.registration)
     for question in definition.questions() if definition else ():
         if question.labelled_values and not question.item.takes_several:
             rows += _question_rows(dataset, question, responses)
-    below = f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}."
-    return Table("participants", "Participants.", ("", "", "n", "%"), tuple(rows), (below, ROUNDED))
-
-
-def _age_rows(dataset: Dataset, people: Sequence[ParticipantRecord]) -> Iterator[Row]:
-    members = [
-        (label, [one.id for one in people if low <= one.age < high]) for low, high, label in AGES
-    ]
-    members.append((NOT_REPORTED, [one.id for one in people if math.isnan(one.age)]))
-    parts = shares([len(ids) for _, ids in members]) or (None,) * len(members)
-    for index, ((label, ids), part) in enumerate(zip(members, parts, strict=True)):
-        yield (
-            words("" if index else "Age"),
-            words(label),
-            count(len(ids), dataset.sessions_of(ids)),
-            number(part, 1),
-        )
-    known = {one.id: one.age for one in people if not math.isnan(one.age)}
-    about = dataset.sessions_of(known)
-    bounds = (
-        (min(known.values()), spread(list(known.values())).median, max(known.values()))
-        if known
-        else (None, None, None)
+    below = (
+        f"{amount(len(people), 'participant')}, {amount(len(dataset.sessions), 'session')}. came"
+        " back: drove, in drives that count, on more than one visit."
     )
+    head = ("", "", "n", "%")
+    return Table.of("participants", "Participants.", head, rows, (below, ROUNDED))
+
+
+def _group_rows(dataset: Dataset, head: str, groups: Sequence[People], total: int) -> Rows:
+    for label, ids in groups:
+        share = number(100.0 * len(ids) / total if total else None, 1)
+        yield head, label, people_count(dataset, ids), share
+        head = ""
+
+
+def _age_rows(dataset: Dataset, people: Sequence[ParticipantRecord]) -> Rows:
+    ages = {one.id: one.age for one in people if not math.isnan(one.age)}
+    groups: list[People] = [
+        (label, [who for who, age in ages.items() if low <= age < high])
+        for low, high, label in AGES
+    ]
+    groups.append((NOT_REPORTED, [one.id for one in people if one.id not in ages]))
+    yield from _group_rows(dataset, "Age", groups, len(people))
+    values, about = [*ages.values()], dataset.sessions_of(ages)
+    bounds = (min(values, default=None), spread(values).median, max(values, default=None))
     for label, value in zip(("youngest", "median", "oldest"), bounds, strict=True):
-        yield words(""), words(label), number(value, 0, about), words("")
-
-
-def _row(dataset: Dataset, head: str, label: str, ids: Collection[str], total: int) -> Row:
-    share = 100.0 * len(ids) / total if total else None
-    return words(head), words(label), count(len(ids), dataset.sessions_of(ids)), number(share, 1)
+        yield "", label, number(value, 0, about), ""
 
 
 def _question_rows(
     dataset: Dataset, question: Question, responses: Sequence[ResponseRecord]
-) -> Iterator[Row]:
-    """A question with options or a scale has a row each; another one has how many answered it. Who
-    gave none stands in a row of its own, and so do those to whom it does not apply.
+) -> Rows:
+    """Yield a row for each answer to a question with options or a scale, or one of those who
+    answered; then those to whom it does not apply, and those who gave no answer.
     """
-    given = {one.participant: one.values.get(question.key) for one in responses}
-    options = _options(dataset, question)
-    groups = [
-        (label, [who for who, said in given.items() if _says(question, said, value)])
-        for value, label in options
+    key = question.key
+    given = {one.participant: one.values.get(key) for one in responses}
+    reasons = {one.participant: one.missing.get(key) for one in responses}
+    unanswered = [who for who, answer in given.items() if answer is None]
+    groups: list[People] = [
+        (
+            dataset.say(label) or str(value),
+            [who for who, answer in given.items() if _has(question, answer, value)],
+        )
+        for value, label in question.labelled_values
     ]
-    if not options:
-        withheld = {
-            one.participant for one in responses if one.missing.get(question.key) == WITHHELD
-        }
-        given |= dict.fromkeys(withheld, WITHHELD)
-        groups = [("answered", [who for who, said in given.items() if said is not None])]
-    silent = [who for who, said in given.items() if said is None]
-    declined = {
-        one.participant
-        for one in responses
-        if one.missing.get(question.key) == Missing.NOT_APPLICABLE
-    }
+    if not groups:
+        withheld = [who for who in unanswered if reasons[who] == WITHHELD]
+        groups = [("answered", [*(who for who in given if who not in unanswered), *withheld])]
+        unanswered = [who for who in unanswered if who not in withheld]
     if question.item.not_applicable:
-        groups.append((DOES_NOT_APPLY, [who for who in silent if who in declined]))
-        silent = [who for who in silent if who not in declined]
-    groups.append((NOT_REPORTED, silent))
-    parts = None if question.item.takes_several else shares([len(ids) for _, ids in groups])
-    for index, (label, ids) in enumerate(groups):
-        share = parts[index] if parts else 100.0 * len(ids) / len(given) if given else None
-        head = dataset.say(question.text) if not index else ""
-        yield words(head), words(label), count(len(ids), dataset.sessions_of(ids)), number(share, 1)
+        declined = [who for who in unanswered if reasons[who] == Missing.NOT_APPLICABLE]
+        groups.append((DOES_NOT_APPLY, declined))
+        unanswered = [who for who in unanswered if who not in declined]
+    groups.append((NOT_REPORTED, unanswered))
+    total = sum(len(ids) for _, ids in groups)
+    if question.item.takes_several or not total:
+        total = len(given)
+    yield from _group_rows(dataset, dataset.say(question.text), groups, total)
 
 
-def _options(dataset: Dataset, question: Question) -> list[tuple[str | int, str]]:
-    return [(value, dataset.say(label) or str(value)) for value, label in question.labelled_values]
-
-
-def _says(question: Question, said: object, value: str | int) -> bool:
-    compared = None if said is None else question.item.compared(said)
+def _has(question: Question, answer: object, value: str | int) -> bool:
+    compared = None if answer is None else question.item.compared(answer)
     return value in compared if isinstance(compared, list) else compared == value
+
+
+# --- pilots and bots ------------------------------------------------------------------------------
+
+
+def counted_by_kind(people: Sequence[ParticipantRecord], *always: Kind) -> str:
+    """Return `0 participants, 24 bots`: kinds that took part, and those in `always`."""
+    found = Counter[str](one.kind for one in people)
+    named = [kind for kind in KINDS if found[kind] or kind in always]
+    return ", ".join(amount(found[kind], kind) for kind in named)
+
+
+def title_of(people: Sequence[ParticipantRecord]) -> str:
+    """Return whose results these are; empty where they are those of participants alone."""
+    found = {one.kind for one in people}
+    if found <= {"participant"}:
+        return ""
+    title = " and ".join(TITLES.get(kind, f"{kind}s") for kind in KINDS if kind in found)
+    return f"{title[0].upper()}{title[1:]}"
+
+
+def note_of(people: Sequence[ParticipantRecord]) -> str:
+    """Return who is meant by participants; empty where they are participants alone."""
+    if not title_of(people):
+        return ""
+    more = f"; {BOTS}" if any(one.kind == "bot" for one in people) else ""
+    return f"“Participants” are {counted_by_kind(people)} here{more}."
+
+
+def of_whom(table: Table, people: Sequence[ParticipantRecord]) -> Table:
+    """Return a table that says whose results it has: it may be copied out of its report."""
+    title = title_of(people)
+    if not title:
+        return table
+    notes = (note_of(people), *table.notes)
+    return replace(table, title=f"{title}: {table.title}", notes=notes)

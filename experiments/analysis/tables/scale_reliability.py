@@ -1,12 +1,9 @@
-"""How reliable each scale is in each condition: Cronbach's alpha and McDonald's omega, with their
-intervals, or the reason why there is none.
-"""
+"""How reliable each scale is in each condition, or why there is no coefficient."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
-from experiments.analysis.dataset.records import Dataset, Floats, ResponseRecord
 from experiments.analysis.statistics.comparisons import UNKNOWN, IntervalEstimate
 from experiments.analysis.statistics.internal_consistency import (
     UndefinedCoefficientError,
@@ -21,23 +18,14 @@ from experiments.analysis.tables.scored_responses import (
     scored_questionnaires,
 )
 from experiments.analysis.tables.scores import about_items, label_of_scale
-from experiments.analysis.tables.table import Table, TableCell, count, words
+from experiments.analysis.tables.table import Table, count
+from experiments.dataset.columns import Floats
+from experiments.dataset.records import Dataset, ResponseRecord
 from surveys.scoring import ScoredScale
 
 HEAD = (
-    "Questionnaire",
-    "Scale",
-    "Condition",
-    "Robot",
-    "Items",
-    "n",
-    "α",
-    "α: from",
-    "α: to",
-    "ω",
-    "ω: from",
-    "ω: to",
-    REMARK,
+    *("Questionnaire", "Scale", "Condition", "Robot", "Items", "n"),
+    *("α", "α: from", "α: to", "ω", "ω: from", "ω: to", REMARK),
 )
 NOTES = (
     (
@@ -60,57 +48,35 @@ def reliability_table(dataset: Dataset) -> Table:
     """Return a row for each scale of several items, condition and robot; between participants also
     one of all, which the notes say is pooled.
     """
-    rows: list[tuple[TableCell, ...]] = []
+    rows: list[tuple[object, ...]] = []
     notes = list(NOTES)
     for found in scored_questionnaires(dataset):
-        groups = [*found.groups, *_pooled(dataset, found)]
-        scales = [scale for scale in found.scales if len(scale.items) > 1]
-        rows += [_row(dataset, found, scale, group) for scale in scales for group in groups]
-        slug = found.definition.slug
+        groups, slug = list(found.groups), found.definition.slug
+        if dataset.study.allocation.design == "between" and len(groups) > 1:
+            pooled = tuple(one for group in groups for one in group.responses)
+            groups.append(ScoreGroup(ALL, ALL, ALL, pooled))
+        for scale in found.scales:
+            label = label_of_scale(dataset, found.definition, scale)
+            for group in groups if len(scale.items) > 1 else ():
+                about = (slug, label, group.condition, group.robot)
+                rows.append((*about, *_cells(found, scale, group)))
         notes += [f"{slug}: {sentence}" for sentence in about_items(dataset, found)]
-    if any(row[2].text == ALL for row in rows):
+    if any(row[2] == ALL for row in rows):
         notes.append("all: participants of all conditions and robots, pooled.")
-    return Table("reliability", "Reliability of the scales.", HEAD, tuple(rows), tuple(notes))
+    return Table.of("reliability", "Reliability of the scales.", HEAD, rows, notes)
 
 
-def _pooled(dataset: Dataset, found: ScoredQuestionnaire) -> Iterator[ScoreGroup]:
-    """Yield one group of all where a participant is in one condition alone."""
-    if dataset.study.allocation.design == "between" and len(found.groups) > 1:
-        own = tuple(one for group in found.groups for one in group.responses)
-        yield ScoreGroup(ALL, ALL, ALL, own)
-
-
-def _row(
-    dataset: Dataset, found: ScoredQuestionnaire, scale: ScoredScale, group: ScoreGroup
-) -> tuple[TableCell, ...]:
-    asked = _asked_of_all(found, scale, group)
+def _cells(found: ScoredQuestionnaire, scale: ScoredScale, group: ScoreGroup) -> tuple[object, ...]:
+    # of all groups together, the items that each was asked
+    asking = found.groups if group.condition == ALL else [group]
+    asked = [key for key in scale.items if all(key in one.asked(scale) for one in asking)]
     own = _complete(group.responses, asked)
     items = np.array([[one.values[key] for key in asked] for one in own], dtype=np.float64)
-    items = items.reshape(len(own), len(asked))
-    alpha, omega, remarks = _coefficients(items, asked)
-    if left := [key for key in scale.items if key not in asked]:
-        remarks.insert(0, f"without {', '.join(left)}, not asked")
-    ids = [one.session for one in own if one.session]
-    return (
-        words(found.definition.slug),
-        words(label_of_scale(dataset, found.definition, scale)),
-        words(group.condition),
-        words(group.robot),
-        count(len(asked)),
-        count(len(own), ids),
-        *estimated(alpha, 2),
-        *estimated(omega, 2),
-        words("; ".join(remarks)),
-    )
-
-
-def _asked_of_all(
-    found: ScoredQuestionnaire, scale: ScoredScale, group: ScoreGroup
-) -> tuple[str, ...]:
-    """Return the items that the group was asked; of all groups together those that each was."""
-    if group.condition != ALL:
-        return group.asked(scale)
-    return tuple(key for key in scale.items if all(key in one.asked(scale) for one in found.groups))
+    alpha, omega, remarks = _coefficients(items.reshape(len(own), len(asked)), asked)
+    if missing := [key for key in scale.items if key not in asked]:
+        remarks.insert(0, f"without {', '.join(missing)}, not asked")
+    n = count(len(own), [one.session for one in own if one.session])
+    return len(asked), n, *estimated(alpha, 2), *estimated(omega, 2), "; ".join(remarks)
 
 
 def _complete(responses: Sequence[ResponseRecord], keys: Sequence[str]) -> list[ResponseRecord]:
@@ -125,9 +91,8 @@ def _complete(responses: Sequence[ResponseRecord], keys: Sequence[str]) -> list[
 def _coefficients(
     items: Floats, keys: Sequence[str]
 ) -> tuple[IntervalEstimate, IntervalEstimate, list[str]]:
-    """Return alpha, omega, and remarks: why there is none, and what to look at."""
-    alpha = omega = UNKNOWN
-    remarks: list[str] = []
+    """Return alpha, omega, and remarks: why there is none, and which items look wrong."""
+    omega, remarks = UNKNOWN, list[str]()
     try:
         alpha = cronbach(items)
     except UndefinedCoefficientError as error:

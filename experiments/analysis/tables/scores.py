@@ -1,23 +1,16 @@
 """The scores of each scored questionnaire by condition and robot, and the tests between conditions.
 
 A participant is one point: their responses about one condition are averaged. A score is compared
-between conditions only where it was made of the same items in all of them.
+between conditions only where it is computed from the same items in all of them.
 """
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterator
 
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.statistics.comparisons import Test
 from experiments.analysis.statistics.conditions import NO_TEST, compare
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.comparisons import (
-    READ_AS,
-    Group,
-    compared,
-    corrected_for,
-    head_of,
-)
-from experiments.analysis.tables.effects import family
+from experiments.analysis.tables.comparisons import Compared, ComparedSide, comparison_table
 from experiments.analysis.tables.paper_tables import OVERALL
 from experiments.analysis.tables.response_selection import RULES
 from experiments.analysis.tables.scored_responses import (
@@ -27,24 +20,15 @@ from experiments.analysis.tables.scored_responses import (
     mean_scores,
     scored_questionnaires,
 )
-from experiments.analysis.tables.table import Table, TableCell, count, number, words
+from experiments.analysis.tables.table import Table, TableCell, count, number
+from experiments.dataset.records import Dataset
 from surveys.definition import Definition
 from surveys.likert import half_width
 from surveys.scoring import WHOLE, ScoredScale
 
 HEAD = (
-    "Scale",
-    "Condition",
-    "Robot",
-    "n",
-    "Mean",
-    "SD",
-    "CI95: from",
-    "CI95: to",
-    "Median",
-    "IQR",
-    "Least",
-    "Greatest",
+    *("Scale", "Condition", "Robot", "n", "Mean", "SD", "CI95: from", "CI95: to", "Median", "IQR"),
+    *("Least", "Greatest"),
 )
 RULE_NOTES = {
     "sus": (
@@ -75,8 +59,8 @@ INTERVALS = {
 
 
 def score_tables(dataset: Dataset) -> Iterator[Table]:
-    """Yield the tables of all scored questionnaires: scores, and tests where two conditions have
-    responses. The statements of Table 5 are tested in the table `answers`.
+    """Yield the scores of each questionnaire, and tests where two conditions have responses. The
+    statements of Table 5 are tested in the table `answers`.
     """
     for one in scored_questionnaires(dataset):
         yield scores_table(dataset, one)
@@ -95,53 +79,44 @@ def label_of_scale(dataset: Dataset, definition: Definition, scale: ScoredScale)
     return {"sus": "SUS", "tlx_raw": "Raw TLX"}.get(definition.scoring, OVERALL)
 
 
-# --- by condition and robot -----------------------------------------------------------------------
-
-
 def scores_table(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
-    """Return how each score is spread over the participants of each condition and robot."""
-    slug = found.definition.slug
-    rows = tuple(
-        _spread_row(dataset, found.definition, scale, group)
+    definition, analysis = found.definition, dataset.study.analysis
+    rows = (
+        (
+            *(label_of_scale(dataset, definition, scale), group.condition, group.robot),
+            *_spread_cells(dataset, scale, group),
+            *(number(bound, 0) for bound in scale.bounds),
+        )
         for scale in found.scales
         for group in found.groups
     )
     notes = (
-        RULE_NOTES[found.definition.scoring],
+        RULE_NOTES[definition.scoring],
         *about_items(dataset, found),
-        RULES[dataset.study.analysis.counts],
+        RULES[analysis.counts],
         COLUMNS,
-        INTERVALS[dataset.study.analysis.interval],
+        INTERVALS[analysis.interval],
         "Each row is for one condition and one robot.",
     )
-    title = f"Scores of {dataset.say(found.definition.title).removesuffix('.')} ({slug})."
-    return Table(f"scores-{slug}", title, HEAD, rows, notes)
+    title = f"Scores of {dataset.say(definition.title).removesuffix('.')} ({definition.slug})."
+    return Table.of(f"scores-{definition.slug}", title, HEAD, rows, notes)
 
 
-def _spread_row(
-    dataset: Dataset, definition: Definition, scale: ScoredScale, group: ScoreGroup
-) -> tuple[TableCell, ...]:
-    about, ids = spread(list(group.scores(scale).values())), group.behind(scale)
+def _spread_cells(dataset: Dataset, scale: ScoredScale, group: ScoreGroup) -> Iterator[TableCell]:
+    scores, ids = mean_scores(group.responses, scale), group.behind(scale)
+    about = spread([*scores.values()])
     slack = half_width(about.sd, about.n, 0.95, dataset.study.analysis.interval)
-    bounds = (
-        (None, None)
-        if about.mean is None or slack is None
-        else (about.mean - slack, about.mean + slack)
-    )
-    numbers = (about.mean, about.sd, *bounds, about.median, about.iqr)
-    return (
-        words(label_of_scale(dataset, definition, scale)),
-        words(group.condition),
-        words(group.robot),
-        count(about.n, ids),
-        *(number(value, 2, ids) for value in numbers),
-        *(number(bound, 0) for bound in scale.bounds),
-    )
+    bounds: tuple[float | None, float | None] = (None, None)
+    if about.mean is not None and slack is not None:
+        bounds = (about.mean - slack, about.mean + slack)
+    yield count(about.n, ids)
+    for value in (about.mean, about.sd, *bounds, about.median, about.iqr):
+        yield number(value, 2, ids)
 
 
 def about_items(dataset: Dataset, found: ScoredQuestionnaire) -> Iterator[str]:
-    """Yield what a reader has to know of the items, in sentences: which are reverse-coded, which
-    were not asked everywhere, and which versions were answered.
+    """Yield which items are reverse-coded or not asked everywhere, and which versions were
+    answered.
     """
     definition = found.definition
     if definition.reversed and definition.scoring != "sus":
@@ -150,70 +125,47 @@ def about_items(dataset: Dataset, found: ScoredQuestionnaire) -> Iterator[str]:
         if differing := found.differing(scale):
             label = label_of_scale(dataset, definition, scale)
             yield f"{label} is not of the same items in all rows: {'; '.join(differing)}."
-    own = [one for group in found.groups for one in group.responses]
-    versions = {
-        version: sum(one.version == version for one in own)
-        for version in sorted({one.version for one in own})
-    }
+    versions = Counter(one.version for group in found.groups for one in group.responses)
     if len(versions) > 1:
-        counts = ", ".join(f"{version} ({n})" for version, n in versions.items())
+        counts = ", ".join(f"{version} ({n})" for version, n in sorted(versions.items()))
         yield f"Versions are pooled, each scored by its own rules (responses): {counts}."
 
 
-# --- tests between conditions ---------------------------------------------------------------------
-
-
 def score_tests(dataset: Dataset, found: ScoredQuestionnaire) -> Table:
-    """Return each score by condition with a test of the difference; none where the conditions were
-    not asked the same items.
-    """
-    keys, slug = found.conditions, found.definition.slug
-    rows = [[_of_condition(found, key, scale) for key in keys] for scale in found.scales]
-    tests = [
-        _test(dataset, found, scale, keys, row)
-        for scale, row in zip(found.scales, rows, strict=True)
+    """Return each score by condition with a test; none if conditions were asked different items."""
+    definition = found.definition
+    rows = [
+        (label_of_scale(dataset, definition, scale), _tested(dataset, found, scale))
+        for scale in found.scales
     ]
-    corrected, members = corrected_for(tests, rows)
-    cells = tuple(
-        compared(label_of_scale(dataset, found.definition, scale), row, test, p, is_ordinal=True)
-        for scale, row, test, p in zip(found.scales, rows, tests, corrected, strict=True)
-    )
     notes = (
-        RULE_NOTES[found.definition.scoring],
+        RULE_NOTES[definition.scoring],
         *about_items(dataset, found),
         *_about_robots(found),
         RULES[dataset.study.analysis.counts],
-        family(members),
-        *READ_AS,
     )
-    title = f"Scores of {dataset.say(found.definition.title).removesuffix('.')} by condition."
-    head = ("", *head_of(keys, is_ordinal=True))
-    return Table(f"score-tests-{slug}", title, head, cells, notes)
+    name = f"score-tests-{definition.slug}"
+    title = f"Scores of {dataset.say(definition.title).removesuffix('.')} by condition."
+    return comparison_table(name, title, "", found.conditions, rows, notes)
 
 
-def _of_condition(found: ScoredQuestionnaire, key: str, scale: ScoredScale) -> Group:
-    own = found.of_condition(key)
-    responses = [one for group in own for one in group.responses]
-    return mean_scores(responses, scale), [ids for group in own for ids in group.behind(scale)]
-
-
-def _test(
-    dataset: Dataset,
-    found: ScoredQuestionnaire,
-    scale: ScoredScale,
-    keys: Sequence[str],
-    row: Sequence[Group],
-) -> Test:
+def _tested(dataset: Dataset, found: ScoredQuestionnaire, scale: ScoredScale) -> Compared:
+    sides = {}
+    for key in found.conditions:
+        own = [group for group in found.groups if group.condition == key]
+        responses = [one for group in own for one in group.responses]
+        sessions = [one for group in own for one in group.behind(scale)]
+        sides[key] = ComparedSide(mean_scores(responses, scale), sessions)
     if differing := found.differing(scale):
-        return Test(NO_TEST, 0, remark=f"not the same items: {', '.join(differing)}")
-    return compare(
-        {key: values for key, (values, _ids) in zip(keys, row, strict=True)},
-        is_paired=dataset.study.allocation.design == "within",
-    )
+        remark = f"not the same items: {', '.join(differing)}"
+        return Test(NO_TEST, 0, remark=remark), [*sides.values()]
+    values = {key: own.values for key, own in sides.items()}
+    is_paired = dataset.study.allocation.design == "within"
+    return compare(values, is_paired=is_paired), [*sides.values()]
 
 
 def _about_robots(found: ScoredQuestionnaire) -> Iterator[str]:
-    """Yield that a comparison pools robots, or has other ones on its sides."""
+    """Yield sentences on comparisons that pool robots, or whose sides have different ones."""
     robots: dict[str, list[str]] = {}
     for group in found.groups:
         if group.condition != NO_DRIVE:
@@ -222,5 +174,5 @@ def _about_robots(found: ScoredQuestionnaire) -> Iterator[str]:
         if len(own) > 1:
             yield f"{title} pools the robots {', '.join(own)}."
     if len({tuple(own) for own in robots.values()}) > 1:
-        told = "; ".join(f"{title}: {', '.join(own)}" for title, own in robots.items())
-        yield f"Conditions use different robots, which may explain a difference: {told}."
+        listed = "; ".join(f"{title}: {', '.join(own)}" for title, own in robots.items())
+        yield f"Conditions use different robots, which may explain a difference: {listed}."

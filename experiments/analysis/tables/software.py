@@ -1,4 +1,4 @@
-"""With which programs a report was computed: what a paper has to say of them."""
+"""The programs that computed a report: a paper has to name them."""
 
 import platform
 import tomllib
@@ -7,7 +7,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from experiments.analysis.metrics.definitions import VERSION
-from experiments.analysis.tables.table import Table, words
+from experiments.analysis.tables.table import Table
 
 # Those that compute numbers or draw them. Mixed models and all other tests are computed with SciPy
 # and NumPy alone.
@@ -17,7 +17,6 @@ PROGRAM = "telepresence"
 
 @cache
 def versions() -> dict[str, str]:
-    """Return the versions of this program and of all that it computed with, by name."""
     project = Path(__file__).parents[3] / "pyproject.toml"
     own = tomllib.loads(project.read_text(encoding="utf-8"))["project"]["version"]
     libraries = {title: version(name) for title, name in LIBRARIES.items()}
@@ -30,7 +29,5 @@ def versions() -> dict[str, str]:
 
 
 def software_table() -> Table:
-    """Return what computed a report."""
-    rows = tuple((words(name), words(number)) for name, number in versions().items())
     title = "Software that computed the tables and figures."
-    return Table("software", title, ("Software", "Version"), rows)
+    return Table.of("software", title, ("Software", "Version"), versions().items())

@@ -1,40 +1,77 @@
-"""Session metrics as tables: spreads over all sessions, a row a session, a row a segment, and the
-spreads of each segment.
-"""
+"""Session metrics as tables, and whether records are good, by rules frozen with the study."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
 
-from experiments.analysis.dataset.columns import Column
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS, VERSION
-from experiments.analysis.metrics.sessions import CheckpointSegment, Measured, Values
+from experiments.analysis.metrics.sessions import Measured, Values
 from experiments.analysis.statistics.descriptive import spread
-from experiments.analysis.tables.reliability import QualityVerdict
-from experiments.analysis.tables.table import Table, TableCell, amount, count, number, words
+from experiments.analysis.tables.table import (
+    Table,
+    amount,
+    number,
+    session_count,
+    words,
+)
+from experiments.dataset.columns import Column
+from experiments.definition.schema import Quality
 
 OF_SEGMENTS = ("seconds", "path", "efficiency", "stops", "near_seconds", "collisions")
 SPREAD = ("n", "Mean", "SD", "p5", "Median", "p95", "IQR")
 OF_SESSIONS = (
     "n: sessions, of which a participant may have several. IQR: third less first quartile."
 )
+# The rules of a good record, by the words that name them.
+PROBLEMS = {
+    "no_states": "the robot was driven, and there are no states",
+    "rate": "fewer states a second than the study asks for",
+    "gap": "a longer time without a state than the study allows",
+    "clock_unknown": "the clock offset was never measured",
+    "clock": "the clocks differed by more than the study allows",
+    "condition": "the condition was not applied as assigned",
+    "operator": "an operator intervened",
+}
+Problems = dict[str, str]  # the rules that a record fails, each with a sentence
+
+
+def problems_of(one: Measured, rules: Quality) -> Problems:
+    """Return the rules that a record fails; a session that never moved may lack states."""
+    return dict(_problems(one, rules))
+
+
+def _problems(measured: Measured, rules: Quality) -> Iterator[tuple[str, str]]:
+    values, session = measured.values, measured.session
+    rate, gap, offset = values["rate"], values["longest_gap"], values["clock_offset"]
+    if session.exposed and math.isnan(rate):
+        yield "no_states", "The robot was driven, but there are no states."
+    elif rate < rules.least_sample_rate:
+        least = f"at least {rules.least_sample_rate:g} are asked for"
+        yield "rate", f"{rate:.2f} states a second; {least}."
+    if gap > rules.longest_gap:
+        yield "gap", f"{gap:.1f} s without a state; at most {rules.longest_gap:g} s are allowed."
+    if session.exposed and not math.isnan(rate) and math.isnan(offset):
+        yield "clock_unknown", "The clock offset was never measured."
+    elif offset > rules.largest_clock_offset:
+        most = f"at most {rules.largest_clock_offset:g} s are allowed"
+        yield "clock", f"The clocks differed by {offset:.2f} s; {most}."
+    if rules.condition_applied and session.mismatch:
+        yield "condition", f"Not applied as assigned: {session.mismatch}."
+    if rules.operator_absent and session.operator:
+        yield "operator", "An operator intervened."
 
 
 def metrics_table(measured: Sequence[Measured]) -> Table:
-    """Return how every metric is spread over the sessions in which it is known."""
-    rows = tuple(
-        _spread_row(column, [(one.session.id, one.values) for one in measured])
-        for column in METRICS
-    )
-    below = (
+    own = {one.session.id: one.values for one in measured}
+    notes = (
         f"{_amounts(measured)}; definitions of version {VERSION}.",
         OF_SESSIONS,
         *_about_paths(measured),
     )
-    return Table("metrics", "Session metrics.", ("Metric", "Unit", *SPREAD), rows, below)
+    rows = (_spread_row(column, own) for column in METRICS)
+    return Table.of("metrics", "Session metrics.", ("Metric", "Unit", *SPREAD), rows, notes)
 
 
 def _about_paths(measured: Sequence[Measured]) -> Iterator[str]:
-    """Yield what paths and efficiencies are made of, in sentences."""
     paths = [one.values["path_by_odometry"] for one in measured]
     wheels, position = paths.count(1.0), paths.count(0.0)
     if wheels or position:
@@ -56,155 +93,83 @@ def _about_paths(measured: Sequence[Measured]) -> Iterator[str]:
         )
 
 
-def _spread_row(
-    column: Column, found: Sequence[tuple[str, Values]], *before: TableCell
-) -> tuple[TableCell, ...]:
-    known = [
-        (session, values[column.name])
-        for session, values in found
-        if math.isfinite(values[column.name])
-    ]
-    ids = [session for session, _ in known]
-    about = spread([value for _, value in known])
-    cells = (
-        number(value, 3, ids)
-        for value in (about.mean, about.sd, about.p5, about.median, about.p95, about.iqr)
-    )
-    return *before, words(column.name), words(column.unit), count(about.n, ids), *cells
+def _spread_row(column: Column, found: Mapping[str, Values]) -> tuple[object, ...]:
+    known = {one: values[column.name] for one, values in found.items()}
+    known = {one: value for one, value in known.items() if math.isfinite(value)}
+    about = spread(list(known.values()))
+    numbers = (about.mean, about.sd, about.p5, about.median, about.p95, about.iqr)
+    cells = (number(value, 3, known) for value in numbers)
+    return column.name, column.unit, session_count(known), *cells
 
 
-def sessions_table(measured: Sequence[Measured], verdicts: Mapping[str, QualityVerdict]) -> Table:
-    """Return a row a session: who, where, how it ended, whether its record is good, and every
-    metric.
-    """
+def sessions_table(measured: Sequence[Measured], problems: Mapping[str, Problems]) -> Table:
+    """Return a row a drive of the task, whether it counts or not."""
     head = (
-        "session",
-        "participant",
-        "number",
-        "robot",
-        "condition",
-        "outcome",
-        "quality",
-        "excluded",
+        *("session", "participant", "visit", "number", "robot", "condition", "outcome", "quality"),
+        *("counts", "counts_why", "excluded"),
         *(column.name for column in METRICS),
     )
-    rows = tuple(_session_row(one, verdicts[one.session.id]) for one in measured)
-    return Table("sessions", "Sessions.", head, rows)
-
-
-def _session_row(one: Measured, verdict: QualityVerdict) -> tuple[TableCell, ...]:
-    session, own = one.session, (one.session.id,)
-    quality = "good" if verdict.good else " ".join(word for word, _ in verdict.problems)
-    who = (
-        words(session.id, own),
-        words(session.participant),
-        count(session.number),
-        words(session.robot),
-        words(session.condition),
+    rows = (
+        (
+            *(words(one.id, (one.id,)), one.participant, one.visit, one.number),
+            *(one.robot, one.condition, one.outcome, " ".join(problems[one.id]) or "good"),
+            *(int(one.counts), one.counts_why, one.excluded),
+            *(number(found.values[column.name], 3, (one.id,)) for column in METRICS),
+        )
+        for found in measured
+        for one in (found.session,)
     )
-    numbers = (number(one.values[column.name], 3, own) for column in METRICS)
-    return *who, words(session.outcome), words(quality), words(session.excluded), *numbers
+    return Table.of("sessions", "Sessions.", head, rows)
 
 
 def segments_table(measured: Sequence[Measured]) -> Table:
-    """Return a row a segment of each session."""
-    head = (
-        "session",
-        "robot",
-        "condition",
-        "segment",
-        "from",
-        "to",
-        "start",
-        *(column.name for column in SEGMENT_METRICS),
+    names = [column.name for column in SEGMENT_METRICS]
+    head = ("session", "robot", "condition", "segment", "from", "to", "start", *names)
+    rows = (
+        (
+            *(words(one.id, (one.id,)), one.robot, one.condition),
+            *(segment.number, segment.begins, segment.ends, number(segment.start, 1, (one.id,))),
+            *(number(segment.values[name], 3, (one.id,)) for name in names),
+        )
+        for found in measured
+        for one in (found.session,)
+        for segment in found.segments
     )
-    rows = tuple(_segment_row(one, segment) for one in measured for segment in one.segments)
-    return Table("segments", "Segments from checkpoint to checkpoint.", head, rows)
+    return Table.of("segments", "Segments from checkpoint to checkpoint.", head, rows)
 
 
-def _segment_row(one: Measured, segment: CheckpointSegment) -> tuple[TableCell, ...]:
-    own = (one.session.id,)
-    about = (
-        words(one.session.id, own),
-        words(one.session.robot),
-        words(one.session.condition),
-        count(segment.number),
-    )
-    numbers = (number(segment.values[column.name], 3, own) for column in SEGMENT_METRICS)
-    return (
-        *about,
-        count(segment.begins),
-        count(segment.ends),
-        number(segment.start, 1, own),
-        *numbers,
-    )
-
-
-def segment_spreads(measured: Sequence[Measured], names: Sequence[str] = OF_SEGMENTS) -> Table:
-    """Return how some metrics are spread over the sessions that finished each segment, robot by
-    robot.
-    """
-    wanted = [column for column in SEGMENT_METRICS if column.name in names]
-    groups: dict[tuple[str, int, int, int], list[tuple[str, Values]]] = {}
+def segment_spreads(measured: Sequence[Measured]) -> Table:
+    """Return the spreads of some metrics by robot and segment."""
+    groups: dict[tuple[str, int, int, int], dict[str, Values]] = {}
     for one in measured:
         for segment in one.segments:
-            groups.setdefault(
-                (one.session.robot, segment.number, segment.begins, segment.ends), []
-            ).append((one.session.id, segment.values))
-    rows = [
-        _spread_row(column, found, words(robot), words(f"{begins} → {ends}"))
-        for (robot, _, begins, ends), found in sorted(groups.items())
-        for column in wanted
-    ]
-    return Table(
-        "segment-metrics",
-        "Metrics by segment.",
-        ("Robot", "Segment", "Metric", "Unit", *SPREAD),
-        tuple(rows),
-        (OF_SESSIONS,),
+            key = (one.session.robot, segment.number, segment.begins, segment.ends)
+            groups.setdefault(key, {})[one.session.id] = segment.values
+    rows = (
+        (robot, f"{begins} → {ends}", *_spread_row(column, found))
+        for (robot, _, begins, ends), found in sorted(groups.items(), key=lambda one: one[0])
+        for column in SEGMENT_METRICS
+        if column.name in OF_SEGMENTS
     )
+    head = ("Robot", "Segment", "Metric", "Unit", *SPREAD)
+    return Table.of("segment-metrics", "Metrics by segment.", head, rows, (OF_SESSIONS,))
 
 
 def verdicts_table(
-    measured: Sequence[Measured],
-    verdicts: Mapping[str, QualityVerdict],
-    ruled_out: Sequence[Measured] = (),
+    measured: Sequence[Measured], problems: Mapping[str, Problems], others: Sequence[Measured]
 ) -> Table:
-    """Return how many records are good, how many fail each rule, and which sessions are excluded,
-    by hand or, `ruled_out`, by rule.
-    """
-    good = [one.session.id for one in measured if verdicts[one.session.id].good]
-    failed: dict[str, list[str]] = {}
+    """Return how many records are good or fail each rule, and why the `others` do not count."""
+    order = ("good", "failed", "does not count")
+    found: dict[tuple[int, str], list[str]] = {(0, ""): []}
     for one in measured:
-        for word, _ in verdicts[one.session.id].problems:
-            failed.setdefault(word, []).append(one.session.id)
-    excluded: dict[str, list[str]] = {}
-    for one in measured:
-        if one.session.excluded:
-            excluded.setdefault(one.session.excluded, []).append(one.session.id)
-    rows = [(words("good"), words(""), count(len(good), good))]
-    rows += [
-        (words("failed"), words(word), count(len(ids), ids)) for word, ids in sorted(failed.items())
-    ]
-    rows += [
-        (words("excluded by hand"), words(reason), count(len(ids), ids))
-        for reason, ids in sorted(excluded.items())
-    ]
-    by_rule: dict[str, list[str]] = {}
-    for one in ruled_out:
-        by_rule.setdefault(one.session.ruled_out, []).append(one.session.id)
-    rows += [
-        (words("excluded by rule"), words(reason), count(len(ids), ids))
-        for reason, ids in sorted(by_rule.items())
-    ]
-    below = f"{_amounts(measured)}. A record may fail several rules; what fails is kept."
-    return Table(
-        "quality",
-        "Quality of the records.",
-        ("", "Rule or reason", "Sessions"),
-        tuple(rows),
-        (below,),
-    )
+        for key in [(1, rule) for rule in problems[one.session.id]] or [(0, "")]:
+            found.setdefault(key, []).append(one.session.id)
+    for one in others:
+        found.setdefault((2, one.session.uncounted_because), []).append(one.session.id)
+    rows = ((order[at], rule, session_count(ids)) for (at, rule), ids in sorted(found.items()))
+    note = f"{_amounts(measured)}. A record may fail several rules; what fails is kept."
+    head = ("", "Rule or reason", "Sessions")
+    return Table.of("quality", "Quality of the records.", head, rows, (note,))
 
 
 def _amounts(measured: Sequence[Measured]) -> str:

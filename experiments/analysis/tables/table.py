@@ -1,11 +1,10 @@
-"""A table: rows of cells that know what they say, what they are worth, and which sessions they come
-from. As CSV; for papers, see experiments/analysis/documents/.
-"""
+"""A table of a report: cells with their text, their number and the sessions behind it."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
+from experiments.dataset.records import Dataset, SessionRecord
 from robots.files.csv_text import csv_text
 
 NOTHING = "–"
@@ -13,69 +12,119 @@ NOTHING = "–"
 
 @dataclass(frozen=True)
 class TableCell:
-    """What is printed, the number behind it (None for words), and the ids of the sessions behind
-    that.
-    """
+    """Text, the number that it shows (None for words), and the sessions behind the number."""
 
     text: str
     value: float | None = None
     sessions: tuple[str, ...] = ()
 
 
+Row = tuple[TableCell, ...]
+
+
 @dataclass(frozen=True)
 class Table:
-    """A table with a name for its files, a title, column heads, rows of as many cells, and notes
-    that are printed below.
-    """
-
     name: str
     title: str
     head: tuple[str, ...]
-    rows: tuple[tuple[TableCell, ...], ...]
+    rows: tuple[Row, ...]
     notes: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         if any(len(row) != len(self.head) for row in self.rows):
             raise ValueError(f"{self.name}: every row needs {len(self.head)} cells")
 
+    @classmethod
+    def of(
+        cls,
+        name: str,
+        title: str,
+        head: Iterable[str],
+        rows: Iterable[Iterable[object]],
+        notes: Iterable[str] = (),
+    ) -> "Table":
+        """Return a table; texts in its rows become `words`, whole numbers `count`.
+
+        Raises:
+            TypeError: anything but these and cells is in a row.
+        """
+        cells = tuple(tuple(map(_cell, row)) for row in rows)
+        return cls(name, title, tuple(head), cells, tuple(notes))
+
+
+class SessionSets:
+    """Sets of sessions, each stored once; `number` is its index in `list(sets)`, None if empty."""
+
+    def __init__(self) -> None:
+        self._numbers: dict[tuple[str, ...], int] = {}
+
+    def __iter__(self) -> Iterator[tuple[str, ...]]:
+        return iter(self._numbers)
+
+    def number(self, sessions: Iterable[str]) -> int | None:
+        key = tuple(dict.fromkeys(sessions))
+        return self._numbers.setdefault(key, len(self._numbers)) if key else None
+
 
 def words(text: str, sessions: Iterable[str] = ()) -> TableCell:
-    """Return a cell of words."""
     return TableCell(text, None, tuple(sessions))
 
 
 def number(value: float | None, decimals: int = 2, sessions: Iterable[str] = ()) -> TableCell:
-    """Return a cell of a number; a dash when there is none."""
+    """Return a cell of a number; a dash where it is unknown."""
     if value is None or not math.isfinite(value):
-        return TableCell(NOTHING, None, tuple(sessions))
+        return words(NOTHING, sessions)
     text = f"{value:.{decimals}f}"
-    return TableCell(
-        text.removeprefix("-") if float(text) == 0.0 else text.replace("-", "−"),
-        float(value),
-        tuple(sessions),
-    )
+    text = text.removeprefix("-") if float(text) == 0.0 else text.replace("-", "−")
+    return TableCell(text, float(value), tuple(sessions))
 
 
 def count(value: int, sessions: Iterable[str] = ()) -> TableCell:
-    """Return a cell of a count."""
     return TableCell(str(value), float(value), tuple(sessions))
 
 
+def session_count(sessions: Collection[str]) -> TableCell:
+    return count(len(sessions), sessions)
+
+
+def people_count(dataset: Dataset, participants: Collection[str]) -> TableCell:
+    """Return the number of some participants, with all of their sessions behind it."""
+    return count(len(participants), dataset.sessions_of(participants))
+
+
+def people_in(sessions: Sequence[SessionRecord]) -> TableCell:
+    """Return the number of the participants of some sessions, which are behind it."""
+    ids = [one.id for one in sessions]
+    return count(len({one.participant for one in sessions}), ids)
+
+
+def percent_of(some: Collection[str], every: Collection[str]) -> TableCell:
+    """Return the percentage of some sessions among all; a dash without any."""
+    return number(100.0 * len(some) / len(every) if every else None, 1, some)
+
+
+def probability(value: float) -> TableCell:
+    return TableCell("<0.001", value) if value < 0.001 else number(value, 3)
+
+
+def _cell(entry: object) -> TableCell:
+    if isinstance(entry, str):
+        return words(entry)
+    if isinstance(entry, int):
+        return count(entry)
+    if not isinstance(entry, TableCell):
+        raise TypeError(f"{entry!r} is no cell")
+    return entry
+
+
 def amount(value: int, noun: str) -> str:
-    """Return how many there are of something, as one says it: `1 session`, `2 sessions`."""
+    """Return a number with its noun: `1 session`, `2 sessions`."""
     return f"{value} {noun}" if value == 1 else f"{value} {noun}s"
 
 
 def spoken(key: str) -> str:
-    """Return a key of the data as it is read: `timed_out` is "timed out"."""
+    """Return a key of the data as a reader reads it: `timed_out` is "timed out"."""
     return key.replace("_", " ")
-
-
-def probability(value: float) -> TableCell:
-    """Return a cell of a p value."""
-    if math.isfinite(value) and value < 0.001:
-        return TableCell("<0.001", value)
-    return number(value, 3)
 
 
 def as_csv(table: Table) -> str:

@@ -1,15 +1,11 @@
-"""Lets time go faster in a whole system of Python processes: everything the same, every wait
-shorter, every clock ahead alike.
+"""Lets time pass faster in a whole system of Python processes: every wait is shorter, and every
+clock ahead by the same.
 
-Python imports a module of this name at its start. So a process whose PYTHONPATH begins with this
-folder, and whose environment names a file of the pace, has its clocks and waits changed before
-anything else is loaded, and so have its children. Nothing is skipped and nothing replaced: at five
-times the pace a wait of a second takes a fifth of one, and all processes of one computer agree what
-time it is, because they read the same few bytes. experiments/bots/pace.py writes them, and may
-change the pace at any time.
-
-What waits in C is not changed: sockets' own time-outs, SQLite's, a broker that is not ours. All of
-these are limits of patience.
+Python imports a module of this name when it starts. A process whose PYTHONPATH begins with this
+folder, and whose environment names a file of the pace, therefore has other clocks and waits before
+anything else is loaded, and so have its children. All processes agree on the time because they read
+the same few bytes, which experiments/bots/pace.py writes and may change at any time. Waits in C do
+not change (time-outs of sockets and of SQLite, a broker in C): all of these are upper limits.
 """
 
 import math
@@ -24,13 +20,13 @@ from pathlib import Path
 from typing import Any
 
 VARIABLE = "TELEPRESENCE_FAST_TIME"  # the file of the pace
-# Byte 0 says which of two slots counts, so that who reads never sees one half written. A slot: a
-# moment of the computer's monotonic clock, what the changed monotonic and Unix clocks said then,
-# and how many times faster they go since.
+# Byte 0 says which of two slots is valid, so that no reader sees one half written. A slot: a moment
+# of the computer's monotonic clock, the changed monotonic and Unix clocks then, and how many times
+# faster they have been since.
 SLOT = struct.Struct("=4d")
 SLOTS = (8, 8 + SLOT.size)
 SIZE = 8 + 2 * SLOT.size
-MILLISECOND = 1e-3  # what epoll rounds up to, which is much at a high pace
+MILLISECOND = 1e-3  # to which epoll rounds up, which is much at a high pace
 BILLION = 1_000_000_000
 
 
@@ -43,26 +39,21 @@ class Clocks:
             self._bytes = mmap.mmap(file.fileno(), SIZE, access=mmap.ACCESS_READ)
 
     def slot(self) -> tuple[float, float, float, float]:
-        """Return what counts now."""
         real, monotonic, unix, rate = SLOT.unpack_from(self._bytes, SLOTS[self._bytes[0]])
         return real, monotonic, unix, rate
 
     def monotonic(self) -> float:
-        """Stand in for time.monotonic."""
         real, monotonic, _unix, rate = self.slot()
         return monotonic + (self.real() - real) * rate
 
     def unix(self) -> float:
-        """Stand in for time.time."""
         real, _monotonic, unix, rate = self.slot()
         return unix + (self.real() - real) * rate
 
     def shorter(self, seconds: float) -> float:
-        """Return how long to wait in truth."""
         return seconds / self.slot()[3]
 
     def sleep(self, seconds: float) -> None:
-        """Stand in for time.sleep."""
         self.real_sleep(self.shorter(seconds))
 
 
@@ -74,15 +65,9 @@ def install(clocks: Clocks) -> None:
     time.monotonic_ns = time.perf_counter_ns = lambda: int(clocks.monotonic() * BILLION)
     time.time_ns = lambda: int(clocks.unix() * BILLION)
     _threads(clocks)
-    for name in (
-        "SelectSelector",
-        "PollSelector",
-        "EpollSelector",
-        "DevpollSelector",
-        "KqueueSelector",
-    ):
-        if hasattr(selectors, name):
-            _selector(getattr(selectors, name), clocks)
+    for kind in ("Select", "Poll", "Epoll", "Devpoll", "Kqueue"):
+        if hasattr(selectors, f"{kind}Selector"):
+            _selector(getattr(selectors, f"{kind}Selector"), clocks)
     _django(clocks.unix)
 
 
@@ -98,11 +83,8 @@ def _threads(clocks: Clocks) -> None:
         join(self, None if timeout is None else clocks.shorter(timeout))
 
     changed: Any = threading
-    changed.Condition.wait, changed.Thread.join, changed._time = (
-        quick_wait,
-        quick_join,
-        clocks.monotonic,
-    )
+    changed.Condition.wait, changed.Thread.join = quick_wait, quick_join
+    changed._time = clocks.monotonic
     queued: Any = queue
     queued.time = clocks.monotonic
 
@@ -114,7 +96,7 @@ def _selector(kind: Any, clocks: Clocks) -> None:
         if timeout is None or timeout <= 0.0:
             return select(self, timeout)
         left = clocks.shorter(timeout)
-        # never longer than asked for: who waits for a time looks at the clock again
+        # never longer than requested: the caller reads the clock again
         if left >= MILLISECOND:
             return select(self, math.floor(left / MILLISECOND) * MILLISECOND)
         ready = select(self, 0)
@@ -127,7 +109,7 @@ def _selector(kind: Any, clocks: Clocks) -> None:
 
 
 def _django(unix: Callable[[], float]) -> None:
-    """Django asks `datetime`, which is not to be changed."""
+    """Change Django's clock, which reads `datetime`: a class in C that cannot be changed."""
     try:
         from django.utils import timezone
     except ImportError:

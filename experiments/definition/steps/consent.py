@@ -1,11 +1,10 @@
-"""Informed consent, and the text with which that of a new study begins.
-
-A placeholder is a name in double brackets, `[[institution]]`. Publishing refuses a text that still
-has one.
+"""Informed consent, and the texts of a new study's. A placeholder is a name in double brackets,
+`[[institution]]`; publishing refuses a text that still has one.
 """
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Annotated, ClassVar, Literal
 
 from msgspec import Meta
@@ -15,52 +14,22 @@ from surveys.documents import Problem, Text
 from surveys.documents import gettext_noop as _
 
 PLACEHOLDER = re.compile(r"\[\[[^\[\]]+\]\]")
-# By language; a study in another language begins with the English one.
-TEMPLATE: Mapping[str, str] = {
-    "en": """\
-[[institution]] invites you to take part in this study. You will drive a real robot in a real \
-building over the Internet, and answer some questions. It takes about [[duration]].
+TEXTS = Path(__file__).resolve().parents[2] / "definitions"
 
-Taking part is voluntary. You may stop at any time, without giving a reason.
 
-Risks: [[risks]]
+def _by_language(name: str) -> Mapping[str, str]:
+    """Return the texts of a folder by language; studies in other languages start with English."""
+    files = (TEXTS / name).glob("*.txt")
+    return {path.stem: path.read_text(encoding="utf-8").rstrip("\n") for path in files}
 
-While you drive, we record where the robot is and how you drive it, the photos that you take with \
-it, which kind of device and connection you use, and your answers. People near the robot can see \
-and hear you through it if you switch on your camera and microphone. Over the Internet, only the \
-people who run the robot and this study can watch your drive.
 
-We keep your data for [[retention]]. You can download it or have it deleted at any time on the \
-page “Your data”.
-
-Ethics approval: [[ethics approval]]
-
-If you have questions, write to [[contact]].""",
-    "es": """\
-[[institución]] te invita a participar en este estudio. Conducirás un robot real en un edificio \
-real a través de Internet y contestarás a unas preguntas. Se tarda unos [[duración]].
-
-La participación es voluntaria. Puedes dejarlo en cualquier momento, sin dar explicaciones.
-
-Riesgos: [[riesgos]]
-
-Mientras conduces registramos dónde está el robot y cómo lo conduces, las fotos que hagas con él, \
-qué tipo de dispositivo y de conexión usas, y tus respuestas. Quienes estén cerca del robot pueden \
-verte y oírte a través de él si activas tu cámara y tu micrófono. A través de Internet, solo \
-quienes se encargan del robot y de este estudio pueden ver tu recorrido.
-
-Conservamos tus datos durante [[conservación]]. Puedes descargarlos o borrarlos en cualquier \
-momento en la página «Tus datos».
-
-Aprobación ética: [[aprobación ética]]
-
-Si tienes preguntas, escribe a [[contacto]].""",
-}
+TEMPLATE, SHARING = _by_language("consent"), _by_language("sharing")
 
 
 class Consent(Step, frozen=True, kw_only=True, tag="consent"):
-    """The participant agrees to `text`, or leaves. Who is younger than `minimum_age` is turned
-    away, or needs a guardian's word.
+    """The participant agrees to `text`, or leaves. Participants younger than `minimum_age` are
+    turned away, or need a guardian's agreement. `sharing` is the text of an optional tick:
+    public datasets contain only those who set it.
     """
 
     may_repeat: ClassVar[bool] = False
@@ -68,11 +37,12 @@ class Consent(Step, frozen=True, kw_only=True, tag="consent"):
 
     version: Version = 1
     text: Text
+    sharing: Text = {}
     minimum_age: Annotated[int, Meta(ge=0, le=99)] = 18
     minors: Literal["refused", "guardian"] = "refused"
 
     def unfilled(self) -> Iterator[Problem]:
-        """Yield, as one problem, the placeholders that the text still has, by language."""
+        """Yield one problem with the placeholders that the text still has, by language."""
         found = {
             language: ", ".join(dict.fromkeys(PLACEHOLDER.findall(text)))
             for language, text in self.text.items()
@@ -84,7 +54,6 @@ class Consent(Step, frozen=True, kw_only=True, tag="consent"):
 
     @classmethod
     def problems_among(cls, steps: Sequence[Step]) -> Iterator[Problem]:
-        """Yield that there are several, or that something comes before it."""
         count = sum(isinstance(step, cls) for step in steps)
         if count > 1:
             yield Problem(_("There are %(n)d consent steps; only one is allowed."), {"n": count})

@@ -9,9 +9,8 @@ from surveys.documents import gettext_noop as _
 
 
 class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
-    """Thanks, and what the study was about.
-
-    `operator` tells that a person drove the robot, in a study with a hidden operator.
+    """Thanks, and what the study was about; `operator` tells that a person drove the robot, in a
+    study with a hidden operator.
     """
 
     may_repeat: ClassVar[bool] = False
@@ -22,11 +21,9 @@ class Debrief(Step, frozen=True, kw_only=True, tag="debrief"):
 
     @property
     def end_text(self) -> Text:
-        """What the study was about."""
         return self.text
 
     @classmethod
     def problems_among(cls, steps: Sequence[Step]) -> Iterator[Problem]:
-        """Yield that something comes after it."""
         if any(isinstance(step, cls) for step in steps[:-1]):
             yield Problem(_("The debriefing must be the last step."))

@@ -6,7 +6,7 @@ from experiments.definition.step import AskingStep
 
 
 class FormStep(AskingStep, frozen=True, kw_only=True, tag="form"):
-    """A questionnaire about the person; who has answered it on an earlier visit skips it."""
+    """Asked once: participants who answered it on an earlier visit skip it."""
 
     may_repeat: ClassVar[bool] = False
     is_for_good: ClassVar[bool] = True

@@ -10,10 +10,12 @@ from robots.api.floorplan import Key as PlanKey
 from surveys.documents import DocumentPart, Key, Problem, Text
 from surveys.documents import gettext_noop as _
 
+OWN_MEDIA = "own-"  # how names of uploaded pictures and videos begin
+
 
 class InstructionPage(DocumentPart, frozen=True, kw_only=True):
-    """One page of the instructions; `picture` is the name of a picture of the site's own. `robot`
-    and `conditions` say for whom it is; none is everybody.
+    """A page; `picture` is the name of a built-in or an uploaded picture or video. Only drivers
+    of a `robot` and participants in `conditions` see it; empty: all.
     """
 
     text: Text
@@ -23,26 +25,21 @@ class InstructionPage(DocumentPart, frozen=True, kw_only=True):
 
 
 class Instructions(Step, frozen=True, kw_only=True, tag="instructions"):
-    """What is read before driving. A page that names robots is shown to those who will drive one of
-    them; whoever comes to a step with a page for some conditions is assigned to theirs then.
+    """Pages to read before driving. A participant who reaches a step with pages for some
+    conditions is assigned then.
     """
 
     leaves: tuple[InstructionPage, ...]
 
     @property
     def named_conditions(self) -> frozenset[str]:
-        """The conditions that have pages of their own."""
         return frozenset(key for page in self.leaves for key in page.conditions)
 
     def own_pages(self, condition: str) -> tuple[int, ...]:
-        """Return the numbers, from 1, of the pages that only some conditions have, this among
-        them.
-        """
         numbered = enumerate(self.leaves, start=1)
         return tuple(number for number, page in numbered if condition in page.conditions)
 
     def problems(self) -> Iterator[Problem]:
-        """Yield that it has no pages."""
         yield from super().problems()
         if not self.leaves:
             yield Problem(_("there is no page to read; add at least one."))

@@ -6,8 +6,6 @@ from experiments.definition.step import DriveStep, Minutes
 
 
 class Practice(DriveStep, frozen=True, kw_only=True, tag="practice"):
-    """A free drive of so many minutes with the condition's robot."""
-
     is_practice: ClassVar[bool] = True
 
     minutes: Minutes = 3.0

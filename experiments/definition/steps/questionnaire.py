@@ -4,4 +4,4 @@ from experiments.definition.step import AskingStep
 
 
 class QuestionnaireStep(AskingStep, frozen=True, kw_only=True, tag="questionnaire"):
-    """Questions about what was done; asked after every outcome."""
+    """Asked after every outcome of a drive."""

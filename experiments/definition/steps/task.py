@@ -12,11 +12,9 @@ from surveys.documents import gettext_noop as _
 
 
 class TaskStep(DriveStep, frozen=True, kw_only=True, tag="task"):
-    """The course of the condition's robot, within a time limit from the first picture shown; what
-    is left is shown in the last minutes.
-
-    `docked_seconds` is for how long the robot must rest on its charging contacts, released, for its
-    docking to count: robots/api/docked.py.
+    """The course of the condition's robot, within `minutes` from the first video frame;
+    the page shows the time left in the `last_minutes`. Docking counts after `docked_seconds` at
+    rest on the charging contacts with released controls (robots/api/docked.py).
     """
 
     minutes: Minutes = 15.0
@@ -25,7 +23,6 @@ class TaskStep(DriveStep, frozen=True, kw_only=True, tag="task"):
 
     @classmethod
     def problems_among(cls, steps: Sequence[Step]) -> Iterator[Problem]:
-        """Yield that there is not one."""
         count = sum(isinstance(step, cls) for step in steps)
         if count != 1:
             words = _(

@@ -1,30 +1,38 @@
-"""What coders noted on the replays, and how well they agree: tables, and files of ELAN and BORIS.
+"""The events that coders noted on the replays, and how well they agree: tables, and files of ELAN
+and BORIS.
 
-Coders go by their numbers. A session that somebody is still coding is left out, so that nobody
-reads another coder's events before their own are done.
+Coders go by their numbers. A session that is still being coded is left out, so that no coder reads
+the events of another before their own coding is done.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import msgspec
+import numpy as np
 
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import table
 from experiments.coding import store
+from experiments.coding.agreement import ReliabilityEstimate
 from experiments.coding.boris import to_boris
 from experiments.coding.eaf import to_eaf
-from experiments.coding.reliability import ReliabilityEstimate
 from experiments.coding.scheme import CodedEvent
 from experiments.coding.study_agreement import StudyAgreement, agreement_of
-from experiments.dataset.allow_list import coded
-from experiments.dataset.forms import Origin, kept
-from experiments.dataset.selection import Selection
+from experiments.dataset.columns import Column
+from experiments.dataset.records import Dataset
 from experiments.definition.coding import CodingScheme
-from experiments.export.format import ExportFormat, File, encoded
-from experiments.models import Coding, CodingSchemeVersion
+from experiments.export.format import ExportFormat, File
+from experiments.extraction.allow_list import coded
+from experiments.extraction.forms import Origin, kept
+from experiments.models import Coding, CodingSchemeVersion, Drive
 
 NO_DATE = "1970-01-01T00:00:00"  # ELAN and BORIS want one, and a dataset has none
+CODE_KINDS = {"point": "a moment", "interval": "a time with a beginning and an end"}
+FIGURES = {
+    "alpha": "Krippendorff's α by time, of all coders",
+    "kappa": "Cohen's κ by time, of two coders",
+    "agreement": "share of the time that two coders coded alike",
+    "event_kappa": "Cohen's κ by events that two coders matched",
+}
 CODINGS = (
     Column("session", "", "code of the session"),
     Column("coder", "", "number of the coder"),
@@ -34,9 +42,7 @@ CODINGS = (
 CODED = (
     *CODINGS[:3],
     Column("code", "", "code of the scheme"),
-    Column("kind", "", "what the code marks").one_of(
-        {"point": "a moment", "interval": "a time with a beginning and an end"}
-    ),
+    Column("kind", "", "what the code marks", levels=CODE_KINDS),
     Column("begin", "s", "since the grant, by the server's clock"),
     Column("end", "s", "since the grant, by the server's clock; empty for a point"),
     Column("modifiers", "", "chosen values by the modifiers' names, as JSON"),
@@ -45,14 +51,7 @@ CODED = (
 AGREEMENT = (
     Column("scheme", "", "version of the coding scheme"),
     Column("code", "", "code of the scheme; all: all codes together"),
-    Column("figure", "", "how agreement is measured").one_of(
-        {
-            "alpha": "Krippendorff's α by time, of all coders",
-            "kappa": "Cohen's κ by time, of two coders",
-            "agreement": "share of the time that two coders coded alike",
-            "event_kappa": "Cohen's κ by events that two coders matched",
-        }
-    ),
+    Column("figure", "", "how agreement is measured", levels=FIGURES),
     Column("coders", "", "numbers of the coders, separated by |"),
     Column("value", "", "of the figure"),
     Column("low", "", "lower end of the 95 % confidence interval"),
@@ -69,42 +68,29 @@ CONFUSION = (
 
 
 class CodingsFormat(ExportFormat):
-    """What every export of a study with finished codings has."""
+    """Part of every export of a study with finished codings."""
 
     tables = {"codings": CODINGS, "coded": CODED, "agreement": AGREEMENT, "confusion": CONFUSION}
 
     @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
-        return True
+    def tables_of(
+        cls, _dataset: Dataset, drives: Sequence[Drive]
+    ) -> Mapping[str, tuple[Column, ...]]:
+        return cls.tables if _schemes(drives) else {}
 
     def of_study(self) -> Iterator[File]:
-        """Yield all of it; without codings, nothing."""
-        drives = {drive.session_id: drive for drive in self.source.drives}
-        schemes = _schemes(drives)
+        drives = {drive.session_id for drive in self.source.drives}
+        schemes = _schemes(self.source.drives)
         if not schemes:
             return
         found = {row: [one for one in some if one.session_id in drives] for row, some in schemes}
         every = [(row, coding) for row, some in found.items() for coding in some]
-        yield from encoded([table("codings", (self._row(*one) for one in every), CODINGS)])
-        yield from encoded(
-            [table("coded", (cells for one in every for cells in self._events(*one)), CODED)]
-        )
         agreements = [(row.version, agreement_of(row)) for row in found]
-        yield from encoded(
-            [
-                table(
-                    "agreement",
-                    (cells for one in agreements for cells in _figures(*one)),
-                    AGREEMENT,
-                ),
-                table(
-                    "confusion",
-                    (cells for one in agreements for cells in _confusions(*one)),
-                    CONFUSION,
-                ),
-            ]
-        )
+        table = self.source.table
+        yield table("codings", (self._row(*one) for one in every))
+        yield table("coded", (cells for one in every for cells in self._events(*one)))
+        yield table("agreement", (cells for one in agreements for cells in _figures(*one)))
+        yield table("confusion", (cells for one in agreements for cells in _confusions(*one)))
         for row, codings in found.items():
             yield from self._files(row, codings)
 
@@ -116,7 +102,7 @@ class CodingsFormat(ExportFormat):
         return self._name(coding), f"C{coding.number}", row.version, events
 
     def _released(self, scheme: CodingScheme, coding: Coding) -> list[CodedEvent]:
-        """Return the events of a coding as they may leave."""
+        """Return the events of a coding with the parts that an export may contain."""
         listed, origin = coded(scheme), Origin(0.0)
         rows = (
             kept(listed, msgspec.structs.asdict(event), self.source.release, origin)
@@ -131,8 +117,8 @@ class CodingsFormat(ExportFormat):
             yield (
                 *(self._name(coding), f"C{coding.number}", row.version, event.code),
                 code.kind if code is not None else "",
-                repr(event.begin),
-                "" if event.end is None else repr(event.end),
+                event.begin,
+                event.end,
                 msgspec.json.encode(event.modifiers, order="sorted").decode(),
                 event.comment,
             )
@@ -150,39 +136,32 @@ class CodingsFormat(ExportFormat):
         yield f"{folder}.boris", [to_boris(scheme.codes, observations, "codings", NO_DATE)]
 
 
-def _schemes(sessions: Iterable[Any]) -> list[tuple[CodingSchemeVersion, list[Coding]]]:
+def _schemes(drives: Iterable[Drive]) -> list[tuple[CodingSchemeVersion, list[Coding]]]:
     """Return the schemes by which sessions were coded, with their finished codings."""
-    rows = CodingSchemeVersion.objects.filter(codings__session__in=list(sessions)).distinct()
+    sessions = [drive.session_id for drive in drives]
+    rows = CodingSchemeVersion.objects.filter(codings__session__in=sessions).distinct()
     found = ((row, store.released(row)) for row in rows.order_by("version"))
     return [(row, codings) for row, codings in found if codings]
 
 
 def _figures(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:
-    called = [f"C{number}" for number in agreement.coders]
+    def row(code: str, figure: str, places: Iterable[int], one: ReliabilityEstimate) -> Any:
+        coders = "|".join(f"C{agreement.coders[place]}" for place in places)
+        return version, code or "all", figure, coders, one.value, one.low, one.high
+
     for one in agreement.found.codes:
-        name = one.code or "all"
-        yield version, name, "alpha", "|".join(called), *_cells(one.alpha)
+        yield row(one.code, "alpha", range(len(agreement.coders)), one.alpha)
         for pair in one.pairs:
-            who = "|".join(called[place] for place in pair.coders)
-            yield version, name, "kappa", who, *_cells(pair.kappa)
-            yield version, name, "agreement", who, *_cells(pair.agreement)
+            yield row(one.code, "kappa", pair.coders, pair.kappa)
+            yield row(one.code, "agreement", pair.coders, pair.agreement)
     for events in agreement.found.events:
-        who = "|".join(called[place] for place in events.coders)
-        yield version, "all", "event_kappa", who, *_cells(events.kappa)
-
-
-def _cells(one: ReliabilityEstimate) -> tuple[str, str, str]:
-    value, low, high = (
-        "" if number is None else repr(number) for number in (one.value, one.low, one.high)
-    )
-    return value, low, high
+        yield row("", "event_kappa", events.coders, events.kappa)
 
 
 def _confusions(version: int, agreement: StudyAgreement) -> Iterator[tuple[Any, ...]]:
     for pair in agreement.found.events:
         first, second = (f"C{agreement.coders[place]}" for place in pair.coders)
         labels = [*pair.labels, ""]
-        for one, cells in zip(labels, pair.table.astype(int).tolist(), strict=True):
-            for two, count in zip(labels, cells, strict=True):
-                if count:
-                    yield version, first, second, one, two, count
+        for (row, column), count in np.ndenumerate(pair.table.astype(int)):
+            if count:
+                yield version, first, second, labels[row], labels[column], int(count)

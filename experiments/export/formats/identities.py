@@ -1,13 +1,12 @@
-"""Who is who: the table of an identified export that leads from codes to people."""
+"""The table of an identified export that leads from codes to people, a line a session."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from experiments.analysis.dataset.columns import Column
-from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.records import SessionRecord
-from experiments.dataset.selection import Selection
-from experiments.export.format import ExportFormat, File, encoded
+from experiments.dataset.columns import Column
+from experiments.dataset.records import SessionRecord
+from experiments.export.format import ExportFormat, File
+from experiments.extraction.selection import Selection
 from experiments.models import Drive
 
 IDENTITIES = (
@@ -25,19 +24,15 @@ IDENTITIES = (
 
 
 class IdentitiesFormat(ExportFormat):
-    """What an identified export has beside."""
-
     tables = {"identities": IDENTITIES}
 
     @classmethod
     def is_in(cls, _name: str, choice: Selection) -> bool:
-        """Tell whether the export is identified."""
         return choice.identified
 
     def of_study(self) -> Iterator[File]:
-        """Yield the table, a line a session."""
         rows = map(_identity, self.source.dataset.sessions, self.source.drives)
-        yield from encoded([table("identities", rows, IDENTITIES)])
+        yield self.source.table("identities", rows)
 
 
 def _identity(session: SessionRecord, drive: Drive) -> Sequence[Any]:

@@ -1,15 +1,6 @@
-"""A session as an MCAP file with the schemas of Foxglove, in JSON: it is played back there as a
-robot's own recording is.
-
-    /pose         foxglove.PoseInFrame       where the robot was
-    /path         foxglove.PosesInFrame      the way that it drove, once
-    /course       foxglove.PosesInFrame      the way that was suggested, once
-    /velocity     telepresence.Velocity      how fast it was
-    /commands     telepresence.Commands      commands applied and refused since the state before,
-    and their greatest age /network      telepresence.Network       the visitor's connection /events
-    foxglove.Log               what happened
-
-Schemas are those of https://docs.foxglove.dev/docs/sdk/schemas, as far as they are filled in.
+"""A session as an MCAP file in JSON, which Foxglove plays back like a robot's own recording. The
+schemas (experiments/export/texts/mcap_schemas.json) are those of
+https://docs.foxglove.dev/docs/sdk/schemas, as far as they are filled in.
 """
 
 import io
@@ -23,85 +14,48 @@ from django.utils.translation import gettext_lazy as _
 from mcap.well_known import MessageEncoding, SchemaEncoding
 from mcap.writer import CompressionType, Writer
 
-from experiments.analysis.dataset.records import Columns, Dataset, EventRecord, SessionRecord
-from experiments.dataset.events import events_of
-from experiments.dataset.sessions import granted
-from experiments.export.format import ExportFormat, File
+from experiments.dataset.columns import Columns
+from experiments.dataset.records import Dataset, EventRecord, SessionRecord
+from experiments.export.format import ExportFormat, File, text_of
+from experiments.extraction.events import events_of
+from experiments.extraction.sessions import granted
 from experiments.models import Drive
 
 FRAME = "map"
 INFO = 2  # foxglove.Log's level
 NANO = 1_000_000_000
-_TIME = {
-    "type": "object",
-    "title": "time",
-    "properties": {
-        "sec": {"type": "integer", "minimum": 0},
-        "nsec": {"type": "integer", "minimum": 0},
-    },
-}
-_XYZ = {name: {"type": "number"} for name in "xyz"}
-_POSE = {
-    "type": "object",
-    "title": "foxglove.Pose",
-    "properties": {
-        "position": {"type": "object", "title": "foxglove.Vector3", "properties": _XYZ},
-        "orientation": {
-            "type": "object",
-            "title": "foxglove.Quaternion",
-            "properties": _XYZ | {"w": {"type": "number"}},
-        },
-    },
-}
-_FRAMED: dict[str, Any] = {"timestamp": _TIME, "frame_id": {"type": "string"}}
-_WORDS = ("message", "name", "file")
 VELOCITY, COMMANDS = ("linear", "angular"), ("commands", "refused", "age_max")
 NETWORK = ("round_trip", "loss", "fps", "bitrate", "freezes", "frame_age")
 
-
-def _numbers(names: Iterable[str]) -> dict[str, Any]:
-    return {"timestamp": _TIME} | {name: {"type": ["number", "null"]} for name in names}
-
-
-CHANNELS: dict[str, tuple[str, dict[str, Any]]] = {
-    "/pose": ("foxglove.PoseInFrame", _FRAMED | {"pose": _POSE}),
-    "/path": ("foxglove.PosesInFrame", _FRAMED | {"poses": {"type": "array", "items": _POSE}}),
-    "/course": ("foxglove.PosesInFrame", _FRAMED | {"poses": {"type": "array", "items": _POSE}}),
-    "/velocity": ("telepresence.Velocity", _numbers(VELOCITY)),
-    "/commands": ("telepresence.Commands", _numbers(COMMANDS)),
-    "/network": ("telepresence.Network", _numbers(NETWORK)),
-    "/events": (
-        "foxglove.Log",
-        {"timestamp": _TIME, "level": {"type": "integer"}, "line": {"type": "integer"}}
-        | {name: {"type": "string"} for name in _WORDS},
-    ),
+CHANNELS = {
+    "/pose": "foxglove.PoseInFrame",  # where the robot was
+    "/path": "foxglove.PosesInFrame",  # its driven path, once
+    "/course": "foxglove.PosesInFrame",  # the suggested path, once
+    "/velocity": "telepresence.Velocity",  # its measured velocity
+    "/commands": "telepresence.Commands",  # applied and refused since the previous state
+    "/network": "telepresence.Network",  # the visitor's connection
+    "/events": "foxglove.Log",
 }
-Message = tuple[float, str, dict[str, Any]]  # when, in seconds since the grant; topic; what
+Message = tuple[float, str, dict[str, Any]]  # seconds since the grant; topic; content
 
 
 class McapFormat(ExportFormat):
-    """A recording a session."""
-
     label = _("with a Foxglove recording of each session")
     help = "with a Foxglove recording of each session"
 
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
-        """Yield the recording of a session; only an identified one says when it was."""
+        """Yield the recording of a session; only an identified one has its date."""
         one = self.source
         begin = granted(drive) if one.release.choice.identified else 0.0
         events = events_of([drive], one.release)
-        yield (
-            f"mcap/session-{session.id}.mcap",
-            [recording(one.dataset, session, events, begin=begin)],
-        )
+        content = recording(one.dataset, session, events, begin=begin)
+        yield f"mcap/session-{session.id}.mcap", [content]
 
 
 def recording(
     dataset: Dataset, session: SessionRecord, events: Iterable[EventRecord], *, begin: float = 0.0
 ) -> bytes:
-    """Return a session as an MCAP file; `begin` is the time of the grant in Unix seconds, or 0
-    where that is nobody's business.
-    """
+    """Return an MCAP file; `begin` is the grant in Unix seconds, or 0 to keep it secret."""
     states, network = dataset.states(session.id), dataset.network(session.id)
     found = [
         *_once(dataset, session, states),
@@ -112,16 +66,15 @@ def recording(
     out = io.BytesIO()
     writer = Writer(out, compression=CompressionType.ZSTD)
     writer.start(profile="", library="telepresence")
-    channels = {topic: _register(writer, topic) for topic in CHANNELS}
-    about = {
-        "session": session.id,
-        "participant": session.participant,
-        "robot": session.robot,
-        "condition": session.condition,
+    schemas, channels = json.loads(text_of("mcap_schemas.json")), {}
+    for topic, name in CHANNELS.items():
+        schema = json.dumps(schemas[name]).encode()
+        number = writer.register_schema(name, SchemaEncoding.JSONSchema, schema)
+        channels[topic] = writer.register_channel(topic, MessageEncoding.JSON, number)
+    about = {"session": session.id} | {
+        name: getattr(session, name) for name in ("participant", "robot", "condition", "outcome")
     }
-    writer.add_metadata(
-        "session", about | {"outcome": session.outcome, "study": dataset.study.slug}
-    )
+    writer.add_metadata("session", about | {"study": dataset.study.slug})
     for number, (at, topic, body) in enumerate(sorted(found, key=lambda message: message[0])):
         nanoseconds = round(max(0.0, begin + at) * NANO)
         stamped = {"timestamp": {"sec": nanoseconds // NANO, "nsec": nanoseconds % NANO}} | body
@@ -132,35 +85,14 @@ def recording(
     return out.getvalue()
 
 
-def _register(writer: Writer, topic: str) -> int:
-    name, properties = CHANNELS[topic]
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "title": name,
-        "type": "object",
-        "properties": properties,
-    }
-    return writer.register_channel(
-        topic,
-        MessageEncoding.JSON,
-        writer.register_schema(name, SchemaEncoding.JSONSchema, json.dumps(schema).encode()),
-    )
-
-
 def _once(dataset: Dataset, session: SessionRecord, states: Columns) -> Iterator[Message]:
     course = dataset.course(session)
     if course is not None:
         points = course.path or tuple((stop.x, stop.y) for stop in course.checkpoints)
         yield 0.0, "/course", {"frame_id": FRAME, "poses": [_pose(x, y, 0.0) for x, y in points]}
     rows = _rows(states, ("x", "y", "theta"))
-    yield (
-        0.0,
-        "/path",
-        {
-            "frame_id": FRAME,
-            "poses": [_pose(x, y, theta) for x, y, theta in rows if math.isfinite(x + y + theta)],
-        },
-    )
+    poses = [_pose(x, y, theta) for x, y, theta in rows if math.isfinite(x + y + theta)]
+    yield 0.0, "/path", {"frame_id": FRAME, "poses": poses}
 
 
 def _pose(x: float, y: float, theta: float) -> dict[str, Any]:
@@ -172,13 +104,12 @@ def _pose(x: float, y: float, theta: float) -> dict[str, Any]:
 
 
 def _rows(found: Columns, names: Iterable[str]) -> list[list[float]]:
-    at = [[column.name for column in found.layout].index(name) for name in names]
-    rows: list[list[float]] = found.values[:, at].tolist()
+    rows: list[list[float]] = found[[*names]].tolist()
     return rows
 
 
 def _of_states(states: Columns) -> Iterator[Message]:
-    """By the server's clock, as events are."""
+    """Yield states by the server's clock, as events are."""
     names = ("stamp", "clock_offset", "x", "y", "theta", *VELOCITY, *COMMANDS)
     for stamp, offset, x, y, theta, *rest in _rows(states, names):
         at = stamp - (offset if math.isfinite(offset) else 0.0)
@@ -195,20 +126,11 @@ def _of_network(network: Columns) -> Iterator[Message]:
 
 def _of_events(events: Iterable[EventRecord]) -> Iterator[Message]:
     for event in events:
-        text = (
-            f"{event.type} {json.dumps(event.data, ensure_ascii=False)}"
-            if event.data
-            else event.type
-        )
-        yield (
-            event.stamp,
-            "/events",
-            {"level": INFO, "message": text, "name": event.source, "file": "", "line": 0},
-        )
+        data = json.dumps(event.data, ensure_ascii=False) if event.data else ""
+        body = {"level": INFO, "message": f"{event.type} {data}".rstrip(), "name": event.source}
+        yield event.stamp, "/events", body | {"file": "", "line": 0}
 
 
 def _named(names: Iterable[str], values: Iterable[float]) -> dict[str, float | None]:
-    return {
-        name: value if math.isfinite(value) else None
-        for name, value in zip(names, values, strict=False)
-    }
+    found = zip(names, values, strict=False)
+    return {name: value if math.isfinite(value) else None for name, value in found}

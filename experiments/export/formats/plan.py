@@ -1,78 +1,39 @@
-"""What was planned, and what became of it: the text of the preregistration, who is excluded by
-which rule, and the reporting sheet.
-"""
+"""The plan and its outcome: preregistration, exclusions, and reporting sheet."""
 
 from collections.abc import Iterator
-from dataclasses import replace
 
-from experiments.analysis.dataset.columns import Column, flag
-from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.records import Dataset, SessionRecord
-from experiments.analysis.metrics.sessions import Measured, measure
-from experiments.analysis.plan.exclusions import RULES, exclusions
 from experiments.analysis.plan.preregistration import preregistration
 from experiments.analysis.plan.reporting_sheet import as_markdown, reporting_sheet
-from experiments.analysis.tables.participant_kinds import KINDS, of_whom
-from experiments.analysis.tables.table import Table
-from experiments.dataset.build import ANALYSED
-from experiments.dataset.events import events_of
-from experiments.dataset.selection import Selection
-from experiments.export.format import ExportFormat, ExportSource, File, encoded
-from experiments.models import Drive
-
-EXCLUSIONS = (
-    Column("participant", "", "who is excluded"),
-    Column("session", "", "session that is excluded; empty: the participant with all sessions"),
-    Column("rule", "", "rule that excludes them").one_of(RULES),
-    Column("value", "", "what was found"),
-    flag("planned", "1 when the plan of the study has the rule"),
-)
+from experiments.analysis.tables.people import of_whom
+from experiments.dataset.columns import declared
+from experiments.dataset.counting import counting
+from experiments.dataset.files import values_of
+from experiments.dataset.levels import KINDS
+from experiments.dataset.records import PlanExclusion
+from experiments.export.format import ExportFormat, ExportSource, File
 
 
 class PlanFormat(ExportFormat):
-    """What every export has."""
-
-    tables = {"exclusions": EXCLUSIONS}
-
-    @classmethod
-    def is_in(cls, _name: str, _choice: Selection) -> bool:
-        """Tell that every export has it."""
-        return True
+    tables = {"exclusions": declared(PlanExclusion)}
 
     def __init__(self, source: ExportSource) -> None:
         super().__init__(source)
         there = {one.kind for one in source.dataset.participants} or {"participant"}
-        self._chosen = [source.dataset.chosen([kind]) for kind in KINDS if kind in there]
-        self._counted = {one.id for some in self._chosen for one in some.sessions}
-        self._measured: list[Measured] = []
+        self._chosen = [counting(source.dataset, [kind]) for kind in KINDS if kind in there]
 
     def of_study(self) -> Iterator[File]:
-        """Yield the preregistration, and everybody who is excluded."""
         dataset = self.source.dataset
-        text = preregistration(dataset.study, dataset.freeze)
-        rows = [
-            [one.participant, one.session, one.rule, one.value, int(one.is_planned)]
-            for some in self._chosen
-            for one in exclusions(some)
-        ]
-        yield from encoded([("preregistration.md", [text]), table("exclusions", rows, EXCLUSIONS)])
-
-    def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
-        """Measure a session that counts; of its record only the numbers are kept."""
-        if session.id in self._counted:
-            events = events_of([drive], replace(self.source.release, choice=ANALYSED))
-            found = measure(self.source.dataset, session, events)
-            self._measured.append(replace(found, segments=(), way=found.way[:0]))
-        yield from ()
+        text = preregistration(dataset.study, dataset.freeze, dataset.questionnaires)
+        yield "preregistration.md", [text]
+        found = (one for some in self._chosen for one in some.exclusions)
+        yield self.source.table("exclusions", values_of(found, self.tables["exclusions"]))
 
     def at_last(self) -> Iterator[File]:
-        """Yield the reporting sheets: of participants, pilots and bots, of whom there are some."""
-        sheets = "\n".join(as_markdown(self._sheet(some)) for some in self._chosen)
-        yield from encoded([("reporting-sheet.md", [sheets])])
-
-    def _sheet(self, some: Dataset) -> Table:
-        own = {one.id for one in some.sessions}
-        measured = [one for one in self._measured if one.session.id in own]
+        """Yield the reporting sheets: of the participants, the pilots and the bots of the study."""
         everybody = self.source.dataset.participants
-        sheet = reporting_sheet(some, measured, exclusions(some), everybody)
-        return of_whom(sheet, some.participants)
+        sheets = []
+        for some in self._chosen:
+            measured = [self.source.measured[one.id] for one in some.sessions]
+            sheet = reporting_sheet(some, measured, everybody)
+            sheets.append(as_markdown(of_whom(sheet, some.participants)))
+        yield "reporting-sheet.md", ["\n".join(sheets)]

@@ -5,10 +5,10 @@ from collections.abc import Iterator
 import structlog
 from django.utils.translation import gettext_lazy as _
 
-from experiments.analysis.dataset.records import SessionRecord
-from experiments.dataset.selection import Selection
+from experiments.dataset.records import SessionRecord
 from experiments.export.format import ExportFormat, File
 from experiments.export.jpeg import JpegError, without_metadata
+from experiments.extraction.selection import Selection
 from experiments.models import Drive
 from sessions.models import Snapshot
 
@@ -16,24 +16,17 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 class SnapshotsFormat(ExportFormat):
-    """A file a photo; an identified export has them too."""
-
     label = _("with the photos")
     help = "with the photos that were taken"
     least = "researcher"
 
     @classmethod
     def is_in(cls, name: str, choice: Selection) -> bool:
-        """Tell whether they were asked for, or everything was."""
         return choice.identified or super().is_in(name, choice)
 
     def of_session(self, session: SessionRecord, drive: Drive) -> Iterator[File]:
-        """Yield the photos of a session in the order in which they were taken."""
-        shots = (
-            Snapshot.objects.filter(session=drive.session)
-            .order_by("stamp")
-            .values_list("jpeg", flat=True)
-        )
+        rows = Snapshot.objects.filter(session=drive.session).order_by("stamp")
+        shots = rows.values_list("jpeg", flat=True)
         for number, jpeg in enumerate(shots.iterator(chunk_size=1), start=1):
             name = f"session-{session.id}-{number}"
             photo = self._photo(bytes(jpeg), name)
@@ -41,9 +34,7 @@ class SnapshotsFormat(ExportFormat):
                 yield f"snapshots/{name}.jpg", [photo]
 
     def _photo(self, jpeg: bytes, name: str) -> bytes | None:
-        """As it was stored where everything is; else the picture alone. One that cannot be taken
-        apart does not leave.
-        """
+        """Return a photo, without metadata unless the export is identified; None if this fails."""
         if self.source.release.choice.identified:
             return jpeg
         try:

@@ -1,12 +1,9 @@
-"""`manage.py deposit`: the dataset of a study as a draft in a repository, which its owner completes
-and publishes there.
-"""
+"""`manage.py deposit`: uploads a dataset as a draft, which its owner publishes."""
 
 import getpass
 import os
 import sys
 from argparse import ArgumentParser
-from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
@@ -15,41 +12,33 @@ from urllib.parse import urlsplit
 from django.core.management import BaseCommand, CommandError
 
 from accounts import audit
-from experiments.dataset.selection import Selection
 from experiments.definition.publication import from_stored
-from experiments.deposit.client import DepositError
-from experiments.deposit.repository import DepositDraft, Record, Repository
+from experiments.deposit.repository import DepositDraft, DepositError, Record, Repository
 from experiments.deposit.upload import REPOSITORIES, draft_of, upload_all
 from experiments.export.archive import zipped
 from experiments.export.files import SUMS, export_files
+from experiments.extraction.selection import Selection
 from experiments.management.study_lookup import study_named
 from experiments.models import Study
 
-# Beside the archive, so that they can be read without unpacking it.
+# Also beside the archive, so that they can be read without unpacking it.
 LOOSE = ("README.md", "dataset_description.json", SUMS)
 MOST_TITLE = 200
 
 
 class Command(BaseCommand):
-    """Uploads the pseudonymous dataset of one version of a study; it never publishes."""
-
     help = (
         "Upload the pseudonymous dataset of a study to a repository as a draft. The token is read "
         "from ZENODO_TOKEN or OSF_TOKEN, or asked for."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("study", help="name of the study, or name:version")
-        parser.add_argument(
-            "--to", choices=sorted(REPOSITORIES), required=True, help="the repository"
-        )
-        parser.add_argument("--sandbox", action="store_true", help="the repository's test server")
-        parser.add_argument(
-            "--url", default="", help="API of another server with the same software"
-        )
-        parser.add_argument(
-            "--new", action="store_true", help="make a new draft, even if an earlier run made one"
-        )
+        add, flag = parser.add_argument, "store_true"
+        add("study", help="name of the study, or name:version")
+        add("--to", choices=sorted(REPOSITORIES), required=True, help="the repository")
+        add("--sandbox", action=flag, help="the repository's test server")
+        add("--url", default="", help="API of another server with the same software")
+        add("--new", action=flag, help="make a new draft, even if an earlier run made one")
 
     def handle(self, *_args: Any, **options: Any) -> None:
         study = study_named(options["study"])
@@ -63,15 +52,16 @@ class Command(BaseCommand):
         self.stdout.write(f"Not published. Check the draft and publish it there: {draft.url}")
 
     def _deposit(self, study: Study, repository: Repository, *, is_new: bool) -> DepositDraft:
-        host = urlsplit(repository.client.address).netloc
-        known = None if is_new else _known(study.deposits, host)
-        draft = draft_of(repository, record_of(study), known, self.stdout.write)
+        host = urlsplit(repository.address).netloc
+        known = None if is_new else study.deposits.get(host)
+        earlier = DepositDraft(known["id"], known["url"]) if known else None
+        draft = draft_of(repository, _record_of(study), earlier, self.stdout.write)
         deposits = study.deposits | {host: {"id": draft.id, "url": draft.url}}
         Study.objects.filter(pk=study.pk).update(deposits=deposits)
         version = f"version {study.version}"
         audit.note("study_deposited", study=study.slug, thing=version, detail=draft.url)
         with TemporaryDirectory() as folder:
-            files = written(study, Path(folder))
+            files = _written(study, Path(folder))
             upload_all(repository, draft, files, self.stdout.write)
         return draft
 
@@ -85,38 +75,29 @@ def _token(kind: type[Repository]) -> str:
     return token
 
 
-def _known(deposits: Mapping[str, Any], host: str) -> DepositDraft | None:
-    found = deposits.get(host)
-    return DepositDraft(found["id"], found["url"]) if found else None
-
-
-def record_of(study: Study) -> Record:
-    """Return what a draft says of a study."""
+def _record_of(study: Study) -> Record:
     definition = study.as_definition()
     title = definition.title.get("en") or study.title
     return Record(
         f"{title} (dataset, version {study.version})"[:MOST_TITLE],
-        f"Pseudonymous dataset of the study {study.slug}, version {study.version}, in the "
+        f"Public dataset of the study {study.slug}, version {study.version}, in the "
         "Psych-DS format: driving, events, questionnaires and a code book.",
         from_stored(study.publication),
     )
 
 
-def written(study: Study, folder: Path) -> dict[str, Path]:
-    """Write a study's export as an archive, and what should be readable without unpacking it;
-    return the files by the names that they get.
-    """
+def _written(study: Study, folder: Path) -> dict[str, Path]:
+    """Write the archive of a public export and the files of LOOSE; return paths by name."""
     loose: dict[str, Path] = {}
 
     def kept() -> Any:
-        for name, parts in export_files(study, Selection()):
-            if name not in LOOSE:
-                yield name, parts
-                continue
-            content = b"".join(parts)
-            (folder / name).write_bytes(content)
-            loose[name] = folder / name
-            yield name, [content]
+        for name, parts in export_files(study, Selection(public=True)):
+            content = parts
+            if name in LOOSE:
+                content = [b"".join(parts)]
+                loose[name] = folder / name
+                loose[name].write_bytes(content[0])
+            yield name, content
 
     archive = folder / f"{study.slug}-{study.version}.zip"
     with archive.open("wb") as out:

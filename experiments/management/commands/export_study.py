@@ -1,6 +1,4 @@
-"""`manage.py export_study`: everything that was recorded of a study, as a folder
-or a ZIP archive.
-"""
+"""`manage.py export_study`: everything recorded in a study, as a folder or a ZIP archive."""
 
 import sys
 from argparse import SUPPRESS, ArgumentParser
@@ -10,52 +8,51 @@ from typing import Any
 from django.core.management import BaseCommand, CommandError
 
 from accounts import audit
-from experiments.dataset.selection import Selection
 from experiments.definition.publication import from_stored
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
+from experiments.extraction.selection import Selection
 from experiments.management.study_lookup import study_named
 from experiments.models import Study
 
 
 class Command(BaseCommand):
-    """Writes the dataset of one version of a study, pseudonymous unless asked otherwise."""
+    """Writes the dataset of one version of a study, pseudonymous unless it is `identified`."""
 
     help = "Export everything recorded in a study as a Psych-DS folder, or as a ZIP archive of it."
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument(
-            "study", help="name of the study, or name:version: exploration, exploration:2"
-        )
-        parser.add_argument(
+        add, flag = parser.add_argument, "store_true"
+        add("study", help="name of the study, or name:version: exploration, exploration:2")
+        add(
             "--out",
             type=Path,
             required=True,
-            help=(
-                "folder, which must be empty or not exist yet; with --zip the file, "
-                "- for standard output"
-            ),
+            help="folder, which must be empty or not exist yet; with --zip the file,"
+            " - for standard output",
         )
-        parser.add_argument("--zip", action="store_true", help="write one ZIP archive")
-        parser.add_argument(
-            "--identified", action="store_true", help="with names, addresses, free text and photos"
-        )
-        parser.add_argument(
-            "--free-text", action="store_true", help="with the free text that people wrote"
-        )
+        add("--zip", action=flag, help="write one ZIP archive")
+        add("--identified", action=flag, help="with names, addresses, free text and photos")
+        add("--free-text", action=flag, help="with the free text that people wrote")
+        text = "for everybody: of those who agreed, ages as ranges, no devices and networks"
+        add("--public", action=flag, help=text)
         for name, one in ON_REQUEST.items():
-            parser.add_argument(f"--{name.replace('_', '-')}", action="store_true", help=one.help)
-        # the analysis page has written down who took it
-        parser.add_argument("--noted", action="store_true", help=SUPPRESS)
+            add(f"--{name.replace('_', '-')}", action=flag, help=one.help)
+        # the analysis page has audited the export already
+        add("--noted", action=flag, help=SUPPRESS)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         out: Path = options["out"]
-        choice = Selection(
-            identified=options["identified"],
-            free_text=options["free_text"],
-            formats=frozenset(name for name in ON_REQUEST if options[name]),
-        )
+        try:
+            choice = Selection(
+                public=options["public"],
+                identified=options["identified"],
+                free_text=options["free_text"],
+                formats=frozenset(name for name in ON_REQUEST if options[name]),
+            )
+        except ValueError as error:
+            raise CommandError(f"{error}.") from error
         study = study_named(options["study"])
         to_stdout = options["zip"] and str(out) == "-"
         taken = out.exists() and (options["zip"] or not out.is_dir() or any(out.iterdir()))
@@ -63,30 +60,23 @@ class Command(BaseCommand):
             raise CommandError(f"{out} already exists: choose another --out.")
         if not options["noted"]:
             _note(study, options)
-            self._tell_missing(study)
+            if missing := from_stored(study.publication).missing:
+                self.stderr.write(f"Publication details not filled in: {', '.join(missing)}.")
         files = export_files(study, choice)
         if to_stdout:
             sys.stdout.buffer.writelines(zipped(files))
-            return
-        if options["zip"]:
+        elif options["zip"]:
             out.parent.mkdir(parents=True, exist_ok=True)
             with out.open("wb") as archive:
                 archive.writelines(zipped(files))
             self.stdout.write(f"{out}: {out.stat().st_size / 1e6:.1f} MB")
-            return
-        count = sum(1 for _ in unpacked(files, out))
-        self.stdout.write(f"{out}: {count} files")
-
-    def _tell_missing(self, study: Study) -> None:
-        missing = from_stored(study.publication).missing
-        if missing:
-            self.stderr.write(f"Publication details not filled in: {', '.join(missing)}.")
+        else:
+            count = sum(1 for _ in unpacked(files, out))
+            self.stdout.write(f"{out}: {count} files")
 
 
 def _note(study: Study, options: dict[str, Any]) -> None:
-    """Write down that it was given out, as the analysis page does: participants who
-    withdraw are told.
-    """
-    names = [name for name in (*ON_REQUEST, "free_text", "identified") if options[name]]
+    """Audit the export, as the analysis page does: participants who withdraw learn of it."""
+    names = [name for name in (*ON_REQUEST, "free_text", "identified", "public") if options[name]]
     version = f"version {study.version}"
     audit.note("study_exported", study=study.slug, thing=version, detail=" ".join(names))

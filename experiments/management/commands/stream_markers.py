@@ -1,6 +1,4 @@
-"""`manage.py stream_markers STUDY`: the study's events to the Lab Streaming Layer, and markers of
-other streams into the record.
-"""
+"""`manage.py stream_markers STUDY`: exchanges markers with the Lab Streaming Layer."""
 
 import signal
 import threading
@@ -13,8 +11,7 @@ from typing import Any
 from django.core.management.base import BaseCommand, CommandError
 from django.db import DatabaseError, InterfaceError, close_old_connections
 
-from experiments.markers.incoming import record
-from experiments.markers.marker import ForeignMarker
+from experiments.markers.incoming import ForeignMarker, record
 from experiments.markers.outgoing import MarkerSource
 from experiments.models import Study
 
@@ -24,25 +21,17 @@ MAX_WAITING = 100_000  # markers that are kept while the database does not answe
 
 
 class Command(BaseCommand):
-    """Publish until it is stopped."""
-
     help = (
         "Publish the events of a study as markers of the Lab Streaming Layer, and record markers "
         "of other streams with its sessions. Needs the extra lsl."
     )
 
     def add_arguments(self, parser: ArgumentParser) -> None:
-        parser.add_argument("study", help="name of the study")
-        parser.add_argument(
-            "--name", default="", help="name of the stream; default: telepresence-STUDY"
-        )
-        parser.add_argument(
-            "--record",
-            action="append",
-            default=[],
-            metavar="STREAM",
-            help="name of a stream whose markers are recorded; may be repeated",
-        )
+        add = parser.add_argument
+        add("study", help="name of the study")
+        add("--name", default="", help="name of the stream; default: telepresence-STUDY")
+        text = "name of a stream whose markers are recorded; may be repeated"
+        add("--record", action="append", default=[], metavar="STREAM", help=text)
 
     def handle(self, *_args: Any, **options: Any) -> None:
         slug: str = options["study"]
@@ -53,12 +42,9 @@ class Command(BaseCommand):
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, lambda *_: ended.set())
         name = options["name"] or f"telepresence-{slug}"
-        loop = _Loop(
-            slug,
-            lsl.MarkerOutlet(name, f"telepresence:{slug}"),
-            [lsl.MarkerInlet(stream) for stream in options["record"]],
-            self._say,
-        )
+        outlet = lsl.MarkerOutlet(name, f"telepresence:{slug}")
+        inlets = [lsl.MarkerInlet(stream) for stream in options["record"]]
+        loop = _Loop(slug, outlet, inlets, self._say)
         self._say(f"Stream {name} is open.")
         while not ended.is_set():
             ended.wait(loop.step(time.time()))
@@ -69,11 +55,7 @@ class Command(BaseCommand):
 
 
 def _lsl() -> Any:
-    """Return the module that needs pylsl, an extra.
-
-    Raises:
-        CommandError: it is not there, or has not found liblsl.
-    """
+    """Return the module that needs pylsl, an extra; without it or liblsl, raise CommandError."""
     try:
         return import_module("experiments.markers.lsl")
     except (ImportError, RuntimeError) as error:
@@ -84,7 +66,7 @@ def _lsl() -> Any:
 
 
 class _Loop:
-    """What is done ten times a second. Markers that could not be stored wait."""
+    """Runs a step ten times a second, and keeps the markers that could not be stored."""
 
     def __init__(self, slug: str, outlet: Any, inlets: list[Any], say: Any) -> None:
         self._slug, self._outlet, self._inlets, self._say = slug, outlet, inlets, say
@@ -94,12 +76,12 @@ class _Loop:
         self._is_outside = False
 
     def step(self, now: float) -> float:
-        """Pass on what there is; return the seconds until the next time."""
-        for inlet in self._inlets:
-            markers, news = inlet.poll()
-            self._waiting.extend(markers)
-            self._tell(news)
-        self._tell(self._outlet.news())
+        """Publish and record the new markers; return the seconds until the next step."""
+        polled = [inlet.poll() for inlet in self._inlets]
+        self._waiting.extend(marker for markers, _news in polled for marker in markers)
+        for news in (*(news for _markers, news in polled), self._outlet.news()):
+            if news:
+                self._say(news)
         try:
             self._use_database(now)
         except (DatabaseError, InterfaceError) as error:
@@ -117,12 +99,8 @@ class _Loop:
         for one in self._source.new(now):
             self._outlet.push(one.marker.text(), one.at)
         while self._waiting:
-            count = record(self._slug, self._waiting[0], now)
+            is_outside = record(self._slug, self._waiting[0], now) == 0
             self._waiting.popleft()
-            if count == 0 and not self._is_outside:
+            if is_outside and not self._is_outside:
                 self._say("Markers outside sessions are not recorded.")
-            self._is_outside = count == 0
-
-    def _tell(self, news: str) -> None:
-        if news:
-            self._say(news)
+            self._is_outside = is_outside

@@ -1,4 +1,4 @@
-"""The last page: thanks, what the study was about, and the completion code."""
+"""The last page: thanks, what the study was about, and the return to the recruitment site."""
 
 import datetime
 
@@ -11,13 +11,10 @@ from experiments.participation.step_page import StepPage, show_end
 
 
 class DebriefStepPage(StepPage):
-    """Debriefing."""
-
     label = _("Debriefing")
     blank = {"text": {}}
 
     def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
-        """Note that the participant is through, and show the end."""
         completion.conclude(self.participant, now)
         return show_end(request, self.participant, now)
 

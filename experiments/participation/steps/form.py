@@ -1,4 +1,4 @@
-"""The page of questions about the person."""
+"""The page of questions about the person, answered once for good."""
 
 from django.utils.translation import gettext_lazy as _
 
@@ -10,12 +10,9 @@ from experiments.participation.step_page import AskingPage
 
 
 class FormStepPage(AskingPage):
-    """A questionnaire that is answered once for good."""
-
     label = _("Participant questionnaire")
     blank = {"questionnaire": "ict", "version": 2}
 
     @classmethod
     def is_done_for_good(cls, participant: Participant, step: AskingStep) -> bool:
-        """Tell whether it was answered on any visit."""
         return is_answered(participant, JourneyPlace(1, 0, step.key), step)

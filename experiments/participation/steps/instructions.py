@@ -4,24 +4,22 @@ import datetime
 
 from django.conf import settings
 from django.http import HttpRequest, HttpResponseBase
+from django.templatetags.static import static
+from django.urls import reverse
 from django.utils.translation import gettext_lazy as _
 
-from experiments.definition.steps.instructions import InstructionPage
+from experiments.definition.steps.instructions import OWN_MEDIA, InstructionPage
+from experiments.instruction_media import is_video
 from experiments.participation import grants, progress
 from experiments.participation.step_page import StepPage, to_step
-from surveys.documents import spoken
 
 PICTURES = frozenset(
     path.stem for path in (settings.BASE_DIR / "static" / "img" / "instructions").glob("*.svg")
 )
-
-
 EXAMPLES = frozenset({"map", "task"})  # they show a course, which is not that of the study
 
 
 class InstructionsStepPage(StepPage):
-    """Instructions."""
-
     label = _("Instructions")
     blank = {"leaves": []}
 
@@ -30,8 +28,8 @@ class InstructionsStepPage(StepPage):
         return not self.pages()
 
     def show(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
-        """Show the page that is asked for; whoever comes to one that only some conditions have is
-        assigned now, and turned away where every cell is full.
+        """Show the requested page. Before instructions with pages for some conditions, participants
+        are assigned, or screened out when every cell is full.
         """
         if self.step.named_conditions and grants.assign_reader(self.participant, now) is None:
             progress.screen_out(self.participant, now)
@@ -40,16 +38,15 @@ class InstructionsStepPage(StepPage):
 
     def _show(self, request: HttpRequest) -> HttpResponseBase:
         participant, pages = self.participant, self.pages()
-        asked = request.GET.get("leaf", "1")
-        number = (
-            min(max(int(asked), 1), len(pages))
-            if asked.isascii() and asked.isdigit() and len(asked) < len("1000")
-            else 1
-        )
+        asked, number = request.GET.get("leaf", ""), 1
+        if asked.isascii() and asked.isdigit() and len(asked) <= len("100"):
+            number = min(max(int(asked), 1), len(pages))
         page = pages[number - 1]
         more = {
-            "text": spoken(page.text, self.language(request)),
-            "picture": f"img/instructions/{page.picture}.svg" if page.picture in PICTURES else "",
+            "text": self.filled(page.text, request),
+            "picture": _address(page.picture or ""),
+            "is_video": is_video(page.picture or ""),
+            "is_built_in": page.picture in PICTURES,
             "is_example": page.picture in EXAMPLES,
             "leaf": number,
             "leaves": len(pages),
@@ -60,15 +57,11 @@ class InstructionsStepPage(StepPage):
         return self.render(request, "experiments/instructions.html", more)
 
     def preview(self, request: HttpRequest, now: datetime.datetime) -> HttpResponseBase:
-        """Show them, or that there are none."""
         if not self.pages():
             return self.render(request, "experiments/trouble.html", {"trouble": "instructions"})
         return self._show(request)
 
     def pages(self) -> tuple[InstructionPage, ...]:
-        """Return the pages that are for the robots that the participant may drive, and for the
-        conditions that they may get.
-        """
         conditions = progress.open_conditions(self.participant)
         robots, keys = {one.robot for one in conditions}, {one.key for one in conditions}
         return tuple(
@@ -79,5 +72,10 @@ class InstructionsStepPage(StepPage):
         )
 
     def take(self, request: HttpRequest, now: datetime.datetime) -> bool:
-        """Lead on whoever has read them."""
         return True
+
+
+def _address(picture: str) -> str:
+    if picture.startswith(OWN_MEDIA):
+        return str(reverse("study_media", args=[picture]))
+    return str(static(f"img/instructions/{picture}.svg")) if picture in PICTURES else ""

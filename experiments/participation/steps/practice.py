@@ -1,4 +1,4 @@
-"""The page before a practice drive."""
+"""The page before a practice drive, which is voluntary."""
 
 import datetime
 
@@ -8,10 +8,7 @@ from experiments.participation.step_page import DrivePage
 
 
 class PracticeStepPage(DrivePage):
-    """Practice, which everybody may do without."""
-
     label = _("Practice drive")
 
     def may_do_without(self, now: datetime.datetime) -> bool:
-        """Tell whether the participant may go on: always, but while they drive."""
-        return self.done.standing != "living"
+        return self.done.state != "living"

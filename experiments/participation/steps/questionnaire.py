@@ -1,4 +1,4 @@
-"""The page of questions about the drive."""
+"""The page of questions about a drive, answered once a visit and round."""
 
 from django.utils.translation import gettext_lazy as _
 
@@ -6,7 +6,5 @@ from experiments.participation.step_page import AskingPage
 
 
 class QuestionnaireStepPage(AskingPage):
-    """A questionnaire that is answered once a visit and round."""
-
     label = _("Post-drive questionnaire")
     blank = {"questionnaire": "experience"}

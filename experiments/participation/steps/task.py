@@ -6,10 +6,8 @@ from experiments.participation.step_page import DrivePage
 
 
 class TaskStepPage(DrivePage):
-    """The task."""
-
     label = _("Task")
-    told = _(
+    note = _(
         "The task is complete when the participant has passed all checkpoints of the course in "
         "order and docked the robot at the charging station. Otherwise the drive ends when the "
         "time is up, the participant leaves or the connection is lost. It counts with that "

@@ -1,1 +1,0 @@
-"""To leave a study with everything: what is deleted, what stays, and the receipt."""

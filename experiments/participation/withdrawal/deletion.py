@@ -1,29 +1,30 @@
-"""Taking somebody out of a study for good.
+"""Deletes the data of participants who withdraw.
 
-What stays is listed, and everything else goes: a new row with the fields of `KEPT` takes the place
-of the participant's, so that the study's numbers still add up, and theirs is deleted with all that
-hangs on it. The new row has another id and another code. docs/explanation/privacy.md says what
-stays and why.
+A new row with only the fields of `KEPT`, another id and another code replaces the participant's, so
+that the study's numbers still add up; theirs is deleted with all that refers to it.
+docs/explanation/privacy.md says what stays and why.
 
-A drive that still lives is ended at once. Until the session manager has told everybody so and
-closed its record, the participant's row waits for it, without the user.
+A living drive is ended at once. Until the session manager has informed its pages and closed its
+record, the participant's row waits for it, without the user.
 """
 
 import datetime
 from collections.abc import Iterator
-from contextlib import suppress
 from hashlib import sha256
 from typing import Any
 
 from django.contrib.admin.models import LogEntry
-from django.db import IntegrityError, transaction
+from django.contrib.auth import SESSION_KEY
+from django.contrib.sessions.models import Session as BrowserSession
+from django.db import transaction
 from django.db.models import QuerySet
 from django.utils import timezone
 
 from accounts import audit
 from experiments.export import reports
-from experiments.models import Drive, Participant, PersonalLink
-from experiments.participation import places, progress, questions
+from experiments.extraction.people import EXPOSED, stages_of
+from experiments.models import Contact, Draw, Drive, Participant, PersonalLink, not_drawn
+from experiments.participation import progress, questions
 from sessions.leases import store
 from sessions.models import Session, Snapshot
 from sessions.shards.ownership import EVERYTHING, Ownership
@@ -31,26 +32,23 @@ from surveys.models import Response
 
 Stage, Status = Participant.Stage, Participant.Status
 WITHDRAWN = "withdrawn"  # the reason of a session that was ended by it
-# The fields of the row that stays; the others are as in a row that nobody ever filled.
+# The fields of the row that stays; all others have their defaults.
 KEPT = (
-    "study",
-    "kind",
-    "access",
-    "status",
-    "cell",
-    "conditions",
-    "stage",
-    "withdrawn_at",
-    "withdrawn_step",
+    *("study", "kind", "access", "status", "cell", "conditions", "draws_applied", "stage"),
+    *("completion", "completion_code", "withdrawn_at", "withdrawn_step", "withdrawn_stage"),
 )
-LEFT = "withdrawn:"  # begins the slot of such a row
-A_REQUEST = datetime.timedelta(minutes=1)  # for which one may take on a busy computer
+# Of each of their draws, so that those of others can still be checked; not the time, the seed, and
+# the participant's answers.
+KEPT_OF_DRAWS = (
+    *("study_id", "kind", "number", "nth", "reason", "cell", "best", "counts"),
+    "best_probability",
+)
+LEFT = "withdrawn:"  # prefix of the slot of a row that stays
+MAX_REQUEST = datetime.timedelta(minutes=1)  # duration of a withdrawal on a busy computer
 
 
 def withdraw(participant: Participant, now: datetime.datetime) -> Participant:
-    """Take somebody out of a study, at any step, also when it is done; return the row that is left.
-    A second call does nothing more.
-    """
+    """Withdraw a participant, at any time; return the row that stays. May be repeated."""
     if participant.slot.startswith(LEFT):
         return participant
     _strip(participant, now)
@@ -59,20 +57,60 @@ def withdraw(participant: Participant, now: datetime.datetime) -> Participant:
     return Participant.objects.get(slot__in=(str(participant.pk), _slot_after(participant)))
 
 
+def leave(participant: Participant, now: datetime.datetime) -> None:
+    """Withdraw a participant. A guest's account, of no other use, goes with the last study."""
+    user = participant.user
+    withdraw(participant, now)
+    if user is not None and user.is_guest and not progress.of_user(user).exists():
+        delete_everything(user, now)
+
+
+def is_driving(user: Any) -> bool:
+    return Session.objects.filter(visitor=user).exclude(state=Session.State.ENDED).exists()
+
+
+def delete_everything(user: Any, now: datetime.datetime) -> bool:
+    """Delete an account; False while the user drives, and for the site's administrators."""
+    if is_driving(user) or user.is_staff:
+        return False
+    for participant in progress.of_user(user):
+        withdraw(participant, now)
+    audit.note("account_deleted", actor=user, person=user, at=now)
+    # the browser sessions contain the user's id, and other data of pages
+    for session in BrowserSession.objects.iterator():
+        if session.get_decoded().get(SESSION_KEY) == str(user.pk):
+            session.delete()
+    user.delete()
+    return True
+
+
+def withdraw_everywhere(instance: Any, **_more: Any) -> None:
+    """Withdraw a user from all studies: a receiver of the signal before an account's deletion."""
+    for participant in progress.of_user(instance):
+        withdraw(participant, timezone.now())
+    LogEntry.objects.filter(object_id=str(instance.pk)).delete()
+    if instance.is_guest:  # made for one study: when it was made is when they joined
+        audit.unlink([f"user:{instance.pk}"], person=instance)
+
+
 def _strip(participant: Participant, now: datetime.datetime) -> None:
-    """Delete all that can go at once; the slot says that it is done."""
+    """Delete all that can be deleted at once; the slot marks that it is done."""
     _mark(participant, now)
     if participant.user is not None:
-        _end_drives(participant, now)
+        for drive in participant.drives.exclude(session__state=Session.State.ENDED):
+            store.end(str(drive.session_id), Session.Outcome.CANCELLED, WITHDRAWN, now)
     _unlink(participant)
     responses_of(participant).delete()
     PersonalLink.objects.filter(participant=participant).delete()
-    for rows in (participant.consents, participant.step_visits):
+    Contact.objects.filter(participant=participant).delete()
+    for rows in (participant.consents, participant.step_visits, participant.appointments):
         rows.all().delete()
     Participant.objects.filter(pk=participant.pk).update(
         user=None,
         slot=str(participant.pk),
         recruitment={},
+        recruitment_id="",
+        recruited_as=not_drawn(),
         age=None,
         language="",
         seen_at=_begin_of(now.date()),
@@ -80,31 +118,25 @@ def _strip(participant: Participant, now: datetime.datetime) -> None:
 
 
 def _mark(participant: Participant, now: datetime.datetime) -> None:
-    """Note the day and the step, and what becomes of the place."""
-    exposed = _was_exposed(participant)
+    """Store the day, the step and the stage of the withdrawal, and release or fill the place. The
+    completion stays: all with the same ending have the same code, and may still need it.
+    """
     rows = Participant.objects.filter(pk=participant.pk)
-    told = {"withdrawn_at": now.date(), "withdrawn_step": participant.step}
-    cleared = {"completion": "", "completion_code": "", "finished_at": None}
-    told |= {"status": Status.WITHDRAWN, "seen_at": now}
-    if rows.exclude(status=Status.WITHDRAWN).update(**told, **cleared):
-        audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
-    rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if exposed else Stage.FREED)
-
-
-def _was_exposed(participant: Participant) -> bool:
-    return any(
-        drive.exposed or drive.session.first_motion_at is not None
-        for drive in participant.drives.select_related("session")
+    marked = rows.exclude(status=Status.WITHDRAWN).update(
+        status=Status.WITHDRAWN,
+        seen_at=now,
+        finished_at=None,
+        withdrawn_at=now.date(),
+        withdrawn_step=participant.step,
+        withdrawn_stage=stages_of(participant.study, [participant])[participant.pk],
     )
-
-
-def _end_drives(participant: Participant, now: datetime.datetime) -> None:
-    for drive in participant.drives.exclude(session__state=Session.State.ENDED):
-        store.end(str(drive.session_id), Session.Outcome.CANCELLED, WITHDRAWN, now)
+    if marked:
+        audit.note("withdrawn", study=participant.study.slug, at=_begin_of(now.date()))
+    was_exposed = participant.drives.filter(EXPOSED).exists()
+    rows.filter(stage=Stage.UNDER_WAY).update(stage=Stage.FILLED if was_exposed else Stage.FREED)
 
 
 def responses_of(participant: Participant) -> "QuerySet[Response]":
-    """Return what somebody filled in for a study."""
     return Response.objects.filter(context__startswith=questions.context_of_all(participant))
 
 
@@ -112,23 +144,20 @@ def _begin_of(day: datetime.date) -> datetime.datetime:
     return datetime.datetime.combine(day, datetime.time(), datetime.UTC)
 
 
-# --- logs -----------------------------------------------------------------------------------------
-
-
 def _unlink(participant: Participant) -> None:
-    """Take the participant out of the audit log, and what was theirs out of the administration's
-    log, whose words may quote anything.
+    """Remove the participant from the audit log, and their rows from the administration's log,
+    whose texts may quote anything.
     """
-    items = list(_items(participant))
-    things = [name for model, key in items for name in (key, f"{model}:{key}")]
+    rows = list(_log_names(participant))
+    things = [name for model, key in rows for name in (key, f"{model}:{key}")]
     audit.unlink(things, person=participant.user, study=participant.study.slug)
-    LogEntry.objects.filter(object_id__in=[key for _, key in items]).delete()
+    LogEntry.objects.filter(object_id__in=[key for _, key in rows]).delete()
 
 
-def _items(participant: Participant) -> Iterator[tuple[str, str]]:
-    """Yield (model, id) of all that a log may name."""
+def _log_names(participant: Participant) -> Iterator[tuple[str, str]]:
+    """Yield (model, key) of the participant's rows."""
     sessions = Session.objects.filter(drive__participant=participant)
-    rows: tuple[QuerySet[Any], ...] = (
+    querysets: tuple[QuerySet[Any], ...] = (
         Participant.objects.filter(pk=participant.pk),
         participant.drives.all(),
         participant.links.all(),
@@ -136,33 +165,30 @@ def _items(participant: Participant) -> Iterator[tuple[str, str]]:
         sessions,
         Snapshot.objects.filter(session__in=sessions),
     )
-    for some in rows:
-        name = str(some.model._meta.model_name)
-        yield from ((name, str(key)) for key in some.values_list("pk", flat=True))
-
-
-# --- the row that stays ---------------------------------------------------------------------------
+    for rows in querysets:
+        name = str(rows.model._meta.model_name)
+        yield from ((name, str(key)) for key in rows.values_list("pk", flat=True))
 
 
 def clear_settled(
     *, now: datetime.datetime, ownership: Ownership = EVERYTHING, **_more: Any
 ) -> None:
-    """Delete the drives of those who withdrew, with all that was recorded, once nobody writes on
-    them any more; then what is left of the participants themselves. Only the owner of the site does
-    so, and leaves alone whom a request is just taking out: without the row it would not find what
-    else is theirs. What such a request did not finish is finished here.
+    """Delete the drives of withdrawn participants, with all that was recorded, once their records
+    are closed; then replace the participants' rows. Only the owner of the site does so. It finishes
+    interrupted withdrawals, but leaves those alone that a request may still be working on: without
+    the row, the request would not find the rest of the data.
     """
     if not ownership.owns_site:
         return
     waiting = Participant.objects.filter(status=Status.WITHDRAWN).exclude(slot__startswith=LEFT)
     for participant in waiting.select_related("study", "user"):
         if participant.slot != str(participant.pk):
-            if now - participant.seen_at < A_REQUEST:
+            if now - participant.seen_at < MAX_REQUEST:
                 continue
             _strip(participant, now)
         drives = Drive.objects.filter(participant=participant)
-        over = drives.filter(settled_at__isnull=False, session__closed_at__isnull=False)
-        keys = list(over.values_list("session", flat=True))
+        closed = drives.filter(settled_at__isnull=False, session__closed_at__isnull=False)
+        keys = list(closed.values_list("session", flat=True))
         if keys:
             _unlink(participant)
             Session.objects.filter(pk__in=keys).delete()
@@ -171,36 +197,20 @@ def clear_settled(
 
 
 def _replace(participant: Participant) -> None:
-    """Put a row in the place of the participant's that has nothing of it but `KEPT`.
-
-    Where there are no transactions, the slot of the new row keeps a second one from being made when
-    this is cut off and done again.
+    """Replace the participant's row by one with only `KEPT`. Without transactions, the slot of the
+    new row keeps a second one from being made when this is repeated after an interruption.
     """
     begin = _begin_of(participant.withdrawn_at or participant.seen_at.date())
-    fields = {name: getattr(participant, name) for name in KEPT}
-    told = {**fields, "language": "", "created_at": begin, "seen_at": begin}
-    slot, is_last = _slot_after(participant), places.is_last_drawn(participant)
+    kept = {name: getattr(participant, name) for name in KEPT}
+    fields = {**kept, "language": "", "created_at": begin, "seen_at": begin}
+    slot = _slot_after(participant)
     with transaction.atomic():
-        Participant.objects.get_or_create(slot=slot, defaults=told)
+        row, _made = Participant.objects.get_or_create(slot=slot, defaults=fields)
+        draws = list(participant.draws.values(*KEPT_OF_DRAWS))
+        participant.draws.all().delete()  # their numbers are unique
+        Draw.objects.bulk_create(Draw(participant=row, **draw) for draw in draws)
         Participant.objects.filter(pk=participant.pk).delete()
-    if is_last:  # the next draw takes a higher number (experiments/participation/grants.py)
-        with suppress(IntegrityError), transaction.atomic():
-            Participant.objects.filter(slot=slot).update(drawn_as=participant.drawn_as)
 
 
 def _slot_after(participant: Participant) -> str:
     return LEFT + sha256(str(participant.pk).encode()).hexdigest()
-
-
-# --- with the account -----------------------------------------------------------------------------
-
-
-def withdraw_everywhere(instance: Any, **_more: Any) -> None:
-    """Take somebody out of all their studies, and out of the logs what leads to them: a receiver of
-    Django's signal before an account is deleted, by whomever.
-    """
-    for participant in progress.of_user(instance):
-        withdraw(participant, timezone.now())
-    LogEntry.objects.filter(object_id=str(instance.pk)).delete()
-    if instance.is_guest:  # made for one study: when it was made is when they joined
-        audit.unlink([f"user:{instance.pk}"], person=instance)

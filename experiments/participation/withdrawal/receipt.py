@@ -1,21 +1,30 @@
-"""The receipt of a withdrawal: what was deleted, and what had been given out before.
+"""The receipt of a withdrawal: what was deleted, and what had been exported before; a page, and a
+text file.
 
-Nothing of it is stored. The page carries it, signed by the site, so that it can be downloaded as
-text for a day.
+It is not stored. The page contains it, signed by the site, so that it can be downloaded as text for
+a day.
 """
 
 import datetime
 from typing import Any
 
 import msgspec
+from django.contrib.auth import logout
 from django.core import signing
 from django.db.models import Q, Sum
+from django.http import Http404, HttpRequest, HttpResponse
+from django.shortcuts import render
+from django.template.loader import render_to_string
 from django.utils.functional import Promise
+from django.utils.translation import get_language
 from django.utils.translation import gettext_lazy as _
+from django.views.decorators.cache import never_cache
+from django.views.decorators.http import require_POST
 
 from accounts.models import AuditEntry, User
-from experiments.models import CodingEdit, Participant, StudyMember, TaskEvent
-from experiments.participation import progress
+from experiments.models import LEFT, CodingEdit, Participant, StudyMember, TaskEvent
+from experiments.participation import completion, progress
+from experiments.participation.withdrawal import deletion
 from experiments.participation.withdrawal.deletion import responses_of
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer
@@ -36,6 +45,7 @@ COUNTED: dict[str, str | Promise] = {
 WHAT: dict[str, str | Promise] = {
     "identified": _("dataset with names, free text and photos"),
     "free_text": _("dataset by participant code, with free text"),
+    "public": _("public dataset, with ages as ranges"),
     "pseudonymous": _("dataset by participant code"),
     "drive": _("record of your drive"),
     "drives": _("records of drives, perhaps also yours"),
@@ -52,12 +62,8 @@ BY: dict[str, str | Promise] = {
 }
 
 
-class ReceiptError(ValueError):
-    """It was not made by this site, or too long ago."""
-
-
 class Export(msgspec.Struct, frozen=True):
-    """Data that was given out: keys of `WHAT` and `BY`."""
+    """Exported data; `what`, and `by` (a role), are keys of `WHAT` and `BY`."""
 
     at: datetime.datetime
     what: str
@@ -65,18 +71,17 @@ class Export(msgspec.Struct, frozen=True):
 
     @property
     def what_text(self) -> str | Promise:
-        """What it was."""
         return WHAT[self.what]
 
     @property
     def by_text(self) -> str | Promise:
-        """The role of the person who took it."""
         return BY[self.by]
 
 
 class WithdrawalReceipt(msgspec.Struct, frozen=True):
-    """What a participant is told: `deleted` counts rows by the keys of `COUNTED`; `waits` tells
-    that a drive still has to end, `with_account` that the account goes too.
+    """The receipt: `deleted` counts rows by the keys of `COUNTED`; `waits` tells that a drive has
+    yet to end, `with_account` that the account is deleted too. `completion_code` is the one that
+    they got for the recruitment site; it stays valid.
     """
 
     title: str
@@ -88,19 +93,16 @@ class WithdrawalReceipt(msgspec.Struct, frozen=True):
     waits: bool
     deleted: dict[str, int]
     exports: tuple[Export, ...]
+    completion_code: str = ""
 
     @property
     def counts(self) -> list[tuple[str | Promise, int]]:
-        """What was deleted, in words, and how much of it."""
         return [(COUNTED[name], number) for name, number in self.deleted.items() if number]
 
 
 def of(participant: Participant, language: str, now: datetime.datetime) -> WithdrawalReceipt:
-    """Return the receipt of a withdrawal; to be asked before it, while there is something to
-    count.
-    """
-    user: Any = participant.user
-    study = participant.study
+    """Return the receipt of a withdrawal; call it before the deletion of what it counts."""
+    user, study = participant.user, participant.study
     living = participant.drives.filter(Q(settled_at=None) | Q(session__closed_at=None))
     return WithdrawalReceipt(
         title=progress.title_of(study, language),
@@ -108,52 +110,35 @@ def of(participant: Participant, language: str, now: datetime.datetime) -> Withd
         version=study.version,
         code=participant.code,
         day=now.date(),
-        with_account=user.is_guest and progress.of_user(user).count() == 1,
+        with_account=user is not None and user.is_guest and progress.of_user(user).count() == 1,
         waits=living.exists(),
         deleted=_counted(participant),
         exports=_exports(participant),
+        completion_code=participant.completion_code,
     )
 
 
 def signed(receipt: WithdrawalReceipt) -> str:
-    """Return a receipt as a page carries it."""
     return signing.dumps(msgspec.to_builtins(receipt), salt=SALT, compress=True)
-
-
-def read(text: str) -> WithdrawalReceipt:
-    """Return the receipt that a page carried.
-
-    Raises:
-        ReceiptError: it is none of ours, or too old.
-    """
-    try:
-        return msgspec.convert(signing.loads(text, salt=SALT, max_age=SECONDS), WithdrawalReceipt)
-    except (signing.BadSignature, msgspec.ValidationError) as error:
-        raise ReceiptError(str(error)) from error
 
 
 def _counted(participant: Participant) -> dict[str, int]:
     responses = responses_of(participant)
     sessions = Session.objects.filter(drive__participant=participant)
     inside = {"session__in": sessions}
-    states = StateChunk.objects.filter(**inside).aggregate(n=Sum("count"))["n"] or 0
-    events = SessionEvent.objects.filter(**inside).count()
-    tasks = TaskEvent.objects.filter(drive__participant=participant).count()
+    tasks = TaskEvent.objects.filter(drive__participant=participant)
     return {
         "questionnaires": responses.count(),
         "answers": Answer.objects.filter(response__in=responses).count(),
         "drives": participant.drives.count(),
-        "states": states,
-        "events": events + tasks,
+        "states": StateChunk.objects.filter(**inside).aggregate(n=Sum("count"))["n"] or 0,
+        "events": SessionEvent.objects.filter(**inside).count() + tasks.count(),
         "network": NetworkSample.objects.filter(**inside).count(),
         "photos": Snapshot.objects.filter(**inside).count(),
         "notes": CodingEdit.objects.filter(coding__session__in=sessions).count(),
         "consents": participant.consents.count(),
         "pages": participant.step_visits.count(),
     }
-
-
-# --- what was given out ---------------------------------------------------------------------------
 
 
 def _exports(participant: Participant) -> tuple[Export, ...]:
@@ -176,8 +161,8 @@ def _what(entry: AuditEntry) -> str:
     others = {"session_exported": "drive", "sessions_exported": "drives"}
     if entry.act != "study_exported":
         return others.get(entry.act, "answers")
-    chosen = entry.detail.split()
-    return next((name for name in ("identified", "free_text") if name in chosen), "pseudonymous")
+    forms = [one for one in ("identified", "free_text", "public") if one in entry.detail.split()]
+    return forms[0] if forms else "pseudonymous"
 
 
 def _by(actor: Any, roles: dict[Any, str]) -> str:
@@ -187,3 +172,37 @@ def _by(actor: Any, roles: dict[Any, str]) -> str:
         return roles[actor]
     is_staff = User.objects.filter(pk=actor, is_staff=True).exists()
     return "administrator" if is_staff else "former"
+
+
+def leave(request: HttpRequest, participant: Participant, now: datetime.datetime) -> HttpResponse:
+    """Withdraw a participant; show the receipt, and the code for the recruitment site."""
+    receipt = of(participant, get_language() or "", now)
+    ending, code = completion.on_leaving(participant)
+    address = completion.return_address(participant, ending)
+    wants_code = bool(participant.completion_code or participant.recruitment_id)
+    deletion.leave(participant, now)
+    if getattr(request.user, "is_guest", False):
+        logout(request)
+    context = {
+        "receipt": receipt,
+        "signed": signed(receipt),
+        "address": address,
+        "code": code if wants_code else "",
+        "is_finished": ending != LEFT,
+    }
+    return render(request, "experiments/withdrawn.html", context)
+
+
+@never_cache
+@require_POST
+def receipt_text(request: HttpRequest) -> HttpResponse:
+    """Return the receipt that the page posted, as text: no account is needed."""
+    try:
+        posted = signing.loads(request.POST.get("receipt", ""), salt=SALT, max_age=SECONDS)
+        receipt = msgspec.convert(posted, WithdrawalReceipt)
+    except (signing.BadSignature, msgspec.ValidationError) as error:
+        raise Http404 from error
+    text = render_to_string("experiments/withdrawn.txt", {"receipt": receipt})
+    name = f"withdrawal-{receipt.study}-{receipt.day}.txt"
+    headers = {"Content-Disposition": f'attachment; filename="{name}"'}
+    return HttpResponse(text, content_type="text/plain; charset=utf-8", headers=headers)

@@ -19,16 +19,13 @@ from robots.api.adapter_names import (
     AmbiguousAdapterError,
     installed,
     known_names,
+    package_of,
 )
 from robots.world.sites import SiteError, load_site
 
 
 def adapter_names() -> tuple[str, ...]:
-    """Return the names that `create` knows.
-
-    Raises:
-        AdapterError: two installed packages use one name.
-    """
+    """Return the names that `create` knows; AdapterError when two packages use one name."""
     try:
         return known_names()
     except AmbiguousAdapterError as error:
@@ -71,10 +68,18 @@ def create(
     return adapter
 
 
-def _module(name: str) -> ModuleType:
-    """Return the module of an adapter: a file, ours, an installed package's, or any other by its
-    dotted name.
+def version_of(adapter_name: str, own: str) -> str:
+    """Return an adapter's name with its version: of its package, or `own`, the agent's, for ours; a
+    file has none.
     """
+    if adapter_name in OURS:
+        return f"{adapter_name} {own}"
+    point = installed().get(adapter_name)
+    return (package_of(point) if point is not None else Path(adapter_name).name)[:120]
+
+
+def _module(name: str) -> ModuleType:
+    """Return an adapter's module: a file, ours, an installed package's, or a dotted name."""
     if name.endswith(".py"):
         return _module_of_file(name)
     if name in OURS:

@@ -1,8 +1,7 @@
-"""A mind in a process of its own: `python -m robots.agent.autonomy HOST:PORT`, with its token on
-the first line of standard input.
+"""The navigation process: `python -m robots.agent.autonomy HOST:PORT`, with its token on stdin.
 
-Thinking takes milliseconds, now and then tens of them, and a control loop cannot wait for that, nor
-share an interpreter with it. The process ends with its socket.
+A step of navigation takes milliseconds, now and then tens of them: a control loop cannot wait for
+that, nor share an interpreter with it. The process ends with its socket.
 """
 
 import logging
@@ -18,6 +17,7 @@ from robots.agent import framing
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.area import AreaError, area_of
 from robots.agent.autonomy.navigation_node import ActionError, NavigationNode
+from robots.logs import reason_of
 from robots.processes import interrupted_by_signals
 from robots.world.sensing import LaserScan
 
@@ -26,7 +26,7 @@ PIECE = 256 << 10
 
 
 class Conversation:
-    """One mind and the control loop that it belongs to; `send` puts a message on the socket."""
+    """Serves one control loop; `send` puts a message on the socket."""
 
     def __init__(self, send: Callable[[wire.NodeMessage], None]) -> None:
         self._send = send
@@ -34,8 +34,8 @@ class Conversation:
         self._beams: LaserScan | None = None
 
     def take(self, messages: Sequence[wire.ToNode]) -> None:
-        """Do what was said since the last time, in order; of several perceptions only the newest is
-        worth a thought.
+        """Do what was asked since the last time, in order; of several snapshots only the newest
+        counts.
 
         Raises:
             WireError: a message makes no sense.
@@ -69,7 +69,7 @@ class Conversation:
                 area_of(message.area), message.body, np.random.default_rng(message.seed)
             )
         except AreaError as error:
-            return str(error) or type(error).__name__
+            return reason_of(error)
         return ""
 
     def _begin(self, order: wire.BeginAction) -> str:
@@ -78,16 +78,12 @@ class Conversation:
         try:
             self._node.begin(order.action)
         except ActionError as error:
-            return str(error) or type(error).__name__
+            return reason_of(error)
         return ""
 
 
 def frames(buffer: bytearray) -> list[wire.ToNode]:
-    """Take the whole messages off the beginning of a buffer.
-
-    Raises:
-        WireError: something else stands there.
-    """
+    """Take the whole messages off a buffer; raises WireError when it holds something else."""
     found = []
     while (body := framing.take(buffer)) is not None:
         found.append(wire.unpack_order(body))
@@ -95,23 +91,18 @@ def frames(buffer: bytearray) -> list[wire.ToNode]:
 
 
 def serve(link: socket.socket) -> None:
-    """Think until the other side is gone.
-
-    Raises:
-        OSError, WireError: the other side is broken.
-    """
+    """Answer until the other side is gone; raises OSError or WireError when it is broken."""
     conversation = Conversation(lambda message: link.sendall(framing.pack(message)))
     buffer = bytearray()
     while piece := link.recv(PIECE):
         buffer += piece
-        # Take all that is there: a mind that fell behind catches up by leaving out moments.
+        # Take all that is there: after a delay, older snapshots are skipped.
         while select.select([link], [], [], 0.0)[0] and (piece := link.recv(PIECE)):
             buffer += piece
         conversation.take(frames(buffer))
 
 
 def main(arguments: Sequence[str]) -> int:
-    """Run the process and return its exit code."""
     logging.basicConfig(
         level=logging.INFO,
         format="%(asctime)s %(levelname)s %(name)s %(message)s",

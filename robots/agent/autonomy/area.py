@@ -33,11 +33,7 @@ class Area:
 
 
 def area_of(update: FloorPlanUpdate) -> Area:
-    """Return the site that a `floorplan` message describes.
-
-    Raises:
-        AreaError: image or plan cannot be used.
-    """
+    """Return the site of a `floorplan` message; raises AreaError for an unusable image or plan."""
     try:
         data = base64.b64decode(update.image, validate=True)
         image = decode_grey(data, f"the map {update.map_id!r}")
@@ -51,11 +47,7 @@ def area_of(update: FloorPlanUpdate) -> Area:
 
 
 def plan_of(update: FloorPlanUpdate) -> FloorPlan | None:
-    """Return the plan of a `floorplan` message, None when it has none.
-
-    Raises:
-        AreaError: the plan cannot be used.
-    """
+    """Return a `floorplan` message's plan, None without one; raises AreaError."""
     if update.plan is None:
         return None
     try:
@@ -65,7 +57,6 @@ def plan_of(update: FloorPlanUpdate) -> FloorPlan | None:
 
 
 def update_of(site: Site) -> FloorPlanUpdate:
-    """Return a site as the message that describes it."""
     image, transform = encode_png(site.grid.image), site.grid.transform
     return FloorPlanUpdate(
         map_id=site.plan.map_id,
@@ -81,9 +72,7 @@ def update_of(site: Site) -> FloorPlanUpdate:
 
 
 def own_dock(plan: FloorPlan | None, series: str) -> ChargingDock | None:
-    """Return the dock of a series of robots when there is exactly one: then a docked robot knows
-    where it is.
-    """
+    """Return the dock of a series of robots, None unless there is exactly one."""
     docks = [dock for dock in plan.docks if dock.type == series] if plan else []
     return docks[0] if len(docks) == 1 else None
 

@@ -1,12 +1,10 @@
-"""What thinks: where am I, and how do I get to where I was told to go? Localization and navigation
-of one robot in one site.
+"""Localization and navigation of one robot in one site.
 
-    perception ──► localizer ──► navigator ──► thought: pose, the velocity that an action wants,
-    news of actions, the path
+    snapshot ──► localizer ──► navigator ──► output: pose, the velocity that an action wants, news
+    of actions, the path
 
-The localizer is ours, or the pose that a robot which localizes itself reports.
-Pure: it lives on perceptions, which it should get ten to twenty times a second, and its clock is
-their stamps.
+The localizer is ours, or the pose that a robot reports which localizes itself. Pure: it should get
+ten to twenty snapshots a second, and its clock is their stamps.
 """
 
 import math
@@ -39,40 +37,34 @@ from robots.world.grid import MapError
 from robots.world.render_plan import with_stations
 from robots.world.sensing import Estimate
 
-PATH_PERIOD = 0.25  # seconds between two words about the path: it gets shorter all the time
-NEWS_PERIOD = 1.0  # seconds between two words about how far an action is
+PATH_PERIOD = 0.25  # seconds between two paths: it gets shorter all the time
+NEWS_PERIOD = 1.0  # seconds between two reports of an action's progress
 SEARCH_TIME = 90.0  # seconds for which the robot looks for itself before it gives up
 SETTLING = 1.0  # seconds after which a pose that was given is confirmed by the laser, or not
 DOCK_SPREAD, DOCK_TURN = 0.05, math.radians(4.0)
-DOCK_DOUBT = 0.25  # metres from its dock at which a docked robot is told that it is there
+DOCK_DOUBT = 0.25  # metres from its dock beyond which a docked robot's pose is corrected
 UNKNOWN_TURN = math.pi
 
 
 class ActionError(ValueError):
-    """What the robot was told to do cannot be begun, in one sentence."""
+    """An action that cannot begin; the message is one sentence."""
 
 
 @dataclass
 class _Running:
-    """An action under way, since a stamp, and when it was last spoken of."""
+    """An action under way, since a stamp; its last news: when, and with which reason."""
 
     action_id: str
     since: float
-    told: float = -math.inf
-    said: str = ""
+    reported_at: float = -math.inf
+    reason: str = ""
 
 
 class NavigationNode:
-    """One robot in one site. It does not know where it is until it is placed or
-    has found itself.
-    """
+    """One robot in one site; its pose is unknown until it is placed or has found itself."""
 
     def __init__(self, area: Area, body: Body, rng: np.random.Generator) -> None:
-        """Read the map.
-
-        Raises:
-            AreaError: nothing can find its way there.
-        """
+        """Read the map; raises AreaError when no robot can find its way there."""
         self._area = area
         self._dock = own_dock(area.plan, body.series)
         grid = area.grid if area.plan is None else with_stations(area.grid, area.plan)
@@ -91,28 +83,27 @@ class NavigationNode:
         self._searching: _Running | None = None
         self._news: list[ActionProgress] = []
         self._path: tuple[Point, ...] = ()
-        self._told_path: tuple[Point, ...] = self._path
+        self._sent_path: tuple[Point, ...] = self._path
         self._path_due = Cadence(PATH_PERIOD)
         self._had_contact = False
 
     # --- orders -----------------------------------------------------------------------------------
 
     def place(self, pose: Pose2D, spread: float = 0.3, turn: float = math.radians(15.0)) -> None:
-        """Hear where the robot is, give or take `spread` metres and `turn` radians."""
+        """Set the pose, to within `spread` metres and `turn` radians."""
         self.localizer.set_pose(pose, spread, turn)
         self.navigator.forget()
 
     def forget(self) -> None:
-        """Be lost: look for the robot on the whole map."""
+        """Search the whole map for the robot."""
         self.localizer.forget()
         self.navigator.forget()
 
     def begin(self, action: Action) -> None:
-        """Begin to go somewhere, or to look for the robot; an action of the same kind that runs is
-        replaced.
+        """Begin an action; a running one of the same kind is replaced.
 
         Raises:
-            OrderError: it cannot be done, with the reason.
+            ActionError: it cannot be done, with the reason.
         """
         if isinstance(action, Relocalize):
             self._relocalize(action)
@@ -125,7 +116,7 @@ class NavigationNode:
         self._driving = _Running(action.action_id, self._now)
 
     def cancel(self, action_id: str) -> None:
-        """Stop doing something; unknown ids are ignored."""
+        """Cancel an action; unknown ids are ignored."""
         if self._driving is not None and self._driving.action_id == action_id:
             self.navigator.cancel()
             self._end_driving("CANCELLED", "cancelled")
@@ -169,10 +160,9 @@ class NavigationNode:
         self._searching = _Running(action.action_id, self._now)
         self._tell(action.action_id, "RUNNING")
 
-    # --- thinking ---------------------------------------------------------------------------------
+    # --- steps ------------------------------------------------------------------------------------
 
     def think(self, snapshot: SensorSnapshot) -> NavigationOutput:
-        """Return what follows from one moment."""
         self._now = snapshot.stamp
         self._anchor(snapshot)
         if isinstance(self.localizer, ReportedLocalizer):
@@ -185,8 +175,8 @@ class NavigationNode:
         )
         self._watch_search(estimate)
         wanted = self._drive(estimate, snapshot)
-        path = None if self._path is self._told_path else self._path
-        self._told_path = self._path
+        path = None if self._path is self._sent_path else self._path
+        self._sent_path = self._path
         news, self._news = tuple(self._news), []
         return NavigationOutput(
             stamp=snapshot.stamp,
@@ -201,11 +191,9 @@ class NavigationNode:
         )
 
     def _anchor(self, snapshot: SensorSnapshot) -> None:
-        """A robot that feels the contacts of its only dock knows where it is."""
-        came, self._had_contact = (
-            snapshot.charger_contact and not self._had_contact,
-            snapshot.charger_contact,
-        )
+        """Set the pose of a robot that touches the contacts of its only dock."""
+        came = snapshot.charger_contact and not self._had_contact
+        self._had_contact = snapshot.charger_contact
         if not came or self._dock is None:
             return
         dock, estimate = Pose2D(self._dock.x, self._dock.y, self._dock.theta), self.estimate
@@ -230,8 +218,8 @@ class NavigationNode:
             return ZERO
         if not self._path or self._path_due.due(self._now):
             self._path = tuple((x, y) for x, y in np.round(step.path, 3).tolist())
-        if running.said != step.reason or self._now - running.told >= NEWS_PERIOD:
-            running.told, running.said = self._now, step.reason
+        if running.reason != step.reason or self._now - running.reported_at >= NEWS_PERIOD:
+            running.reported_at, running.reason = self._now, step.reason
             self._news.append(
                 ActionProgress(
                     running.action_id, "RUNNING", step.reason, {"progress": round(step.progress, 3)}

@@ -1,16 +1,16 @@
-"""Where the robot is now, between two thoughts: the newest one's pose, moved on by the odometry."""
+"""The robot's pose between two outputs of navigation: the newest one's, moved on by odometry."""
 
 from robots.agent.autonomy.sensor_snapshot import NavigationOutput
 from robots.agent.robot_interface import NOWHERE
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Pose
 
-STALE = 2.0  # seconds without a thought after which dead reckoning is no localization any more
-LARGEST = 1e9  # variances beyond that tell nothing more, and the wire knows no infinity
+STALE = 2.0  # seconds without an output after which dead reckoning is no localization
+LARGEST = 1e9  # variances are capped: JSON knows no infinity
 
 
 class PoseExtrapolator:
-    """The pose of a robot that thinks ten or twenty times a second and moves all the time."""
+    """A moving robot's pose, from ten or twenty outputs a second."""
 
     def __init__(self) -> None:
         self._output: NavigationOutput | None = None
@@ -18,30 +18,26 @@ class PoseExtrapolator:
         self._at = float("-inf")
 
     def take(self, output: NavigationOutput, now: float) -> None:
-        """Take a thought; `now` is monotonic time in seconds."""
+        """Take an output; `now` is monotonic time in seconds."""
         self._output, self._at = output, now
         self._map_from_odometry = output.pose.compose(output.odometry.inverse())
 
     @property
     def trusted(self) -> bool:
-        """Tell whether the newest thought knew where the robot was."""
         return self._output is not None and self._output.localized
 
     @property
     def unheard(self) -> bool:
-        """Tell whether there has been no thought yet."""
         return self._output is None
 
     def place(self, odometry: Pose2D | None) -> Pose2D | None:
-        """Return the pose in the map at an odometry pose, as well as it is known; None before the
-        first thought.
-        """
+        """Return the pose in the map at an odometry pose; None before the first output."""
         if self._map_from_odometry is None or odometry is None:
             return None
         return self._map_from_odometry.compose(odometry)
 
     def pose(self, odometry: Pose2D | None, now: float) -> Pose:
-        """Return the same as a message; one that is lost, or that no thought confirms, says so."""
+        """Return the same as a message; not localized when lost, or without a recent output."""
         place, output = self.place(odometry), self._output
         if place is None or output is None:
             return NOWHERE

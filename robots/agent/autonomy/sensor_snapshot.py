@@ -1,4 +1,4 @@
-"""What goes into a mind and what comes out of it."""
+"""Inputs and outputs of the navigation node."""
 
 from dataclasses import dataclass, field
 
@@ -14,9 +14,7 @@ NO_POINTS: Floats = np.zeros((0, 2))
 
 @dataclass(frozen=True)
 class Body:
-    """What a mind must know about its robot: `series` says which docks are its own, `localizes`
-    that it reports its own pose.
-    """
+    """A robot: `series` selects its docks, `localizes` means that it reports its own pose."""
 
     series: str
     footprint: tuple[Point, ...]
@@ -44,11 +42,10 @@ class SensorSnapshot:
 
 @dataclass(frozen=True)
 class NavigationOutput:
-    """What a mind makes of a perception.
+    """The navigation node's answer to a snapshot.
 
     `pose` in the map at `stamp`, when the odometry was `odometry`. `wanted` is None while no action
-    moves the robot. `news` tells of actions, `path` is what the robot follows, None when that has
-    not changed since the last thought.
+    moves the robot. `news` are of actions, `path` is what the robot follows, None when unchanged.
     """
 
     stamp: float

@@ -1,8 +1,6 @@
-"""What the control loop and a mind in a process of its own say to each other, on a socket of this
-computer.
+"""Messages between the control loop and the navigation process, framed as framing.py says.
 
-Framed as framing.py says. First of all the mind says the token that it was started with, so that
-nobody else is taken for it.
+The process first sends the token that it was started with, so that no other can replace it.
 """
 
 import numpy as np
@@ -29,7 +27,7 @@ class NodeMessage(Struct, frozen=True, tag=True, array_like=True):
 
 
 class Settle(NodeMessage, frozen=True):
-    """Begin to be the mind of this robot in this site; `seed` of everything random."""
+    """Navigate this robot in this site; `seed` of everything random."""
 
     body: Body
     area: FloorPlanUpdate
@@ -37,7 +35,7 @@ class Settle(NodeMessage, frozen=True):
 
 
 class KnownPlace(NodeMessage, frozen=True):
-    """The robot is here, give or take metres and radians."""
+    """The robot is here, to within metres and radians."""
 
     pose: Pose2D
     spread: float
@@ -52,15 +50,11 @@ class BeginAction(NodeMessage, frozen=True):
 
 
 class CancelAction(NodeMessage, frozen=True):
-    """Cancel an action."""
-
     action_id: str
 
 
 class ScanMessage(Struct, frozen=True, array_like=True):
-    """A sweep of the laser; `ranges` float32 in the byte order of the machine, `inf` where nothing
-    came back.
-    """
+    """A laser sweep; `ranges` are float32 in native byte order, `inf` where nothing came back."""
 
     stamp: float
     angle_min: float
@@ -83,13 +77,13 @@ class Perceive(NodeMessage, frozen=True):
 
 
 class Token(NodeMessage, frozen=True):
-    """First word of a mind."""
+    """The process's first message."""
 
     token: str
 
 
 class Settled(NodeMessage, frozen=True):
-    """The mind thinks; or it cannot, and why."""
+    """The site is set up; or it cannot be, and why."""
 
     problem: str = ""
 
@@ -102,7 +96,7 @@ class OrderReply(NodeMessage, frozen=True):
 
 
 class Thinks(NodeMessage, frozen=True):
-    """What followed from the newest perception."""
+    """The output for the newest snapshot."""
 
     output: NavigationOutput
 
@@ -115,20 +109,10 @@ _from_node: msgpack.Decoder[FromNode] = msgpack.Decoder(FromNode)
 
 
 def unpack_order(body: bytes) -> ToNode:
-    """Return what the control loop said.
-
-    Raises:
-        WireError: it is no message.
-    """
     return framing.unpack(_to_node, body)
 
 
 def unpack_answer(body: bytes) -> FromNode:
-    """Return what a mind said.
-
-    Raises:
-        WireError: it is no message.
-    """
     return framing.unpack(_from_node, body)
 
 
@@ -158,11 +142,7 @@ def perceive(moment: SensorSnapshot, *, new: bool) -> Perceive:
 
 
 def perceived(message: Perceive, beams: LaserScan | None) -> SensorSnapshot:
-    """Return the perception of a message; `beams` is the newest sweep, its own or an earlier one.
-
-    Raises:
-        WireError: its bytes are no points.
-    """
+    """Return a message's perception with the newest sweep; WireError for invalid points."""
     try:
         points = np.frombuffer(message.points, dtype=np.float32).astype(np.float64).reshape(-1, 2)
     except ValueError as error:
@@ -179,11 +159,7 @@ def perceived(message: Perceive, beams: LaserScan | None) -> SensorSnapshot:
 
 
 def beams_in(sweep: ScanMessage) -> LaserScan:
-    """Return the sweep of a message.
-
-    Raises:
-        WireError: its bytes are no ranges.
-    """
+    """Return the sweep of a message; raises WireError for invalid ranges."""
     try:
         ranges = np.frombuffer(sweep.ranges, dtype=np.float32).astype(np.float64)
     except ValueError as error:

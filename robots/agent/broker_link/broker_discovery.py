@@ -21,7 +21,7 @@ REFUSALS = (HTTPStatus.UNAUTHORIZED, HTTPStatus.FORBIDDEN)
 
 
 class ServerAwayError(Exception):
-    """The server could not be asked now; the message is one sentence."""
+    """The server did not answer; the message is one sentence."""
 
 
 def broker_urls(
@@ -111,7 +111,7 @@ def _urls_in(answer: bytes, config: AgentConfig) -> tuple[str, ...]:
 
 
 def reason_of(error: urllib.error.HTTPError) -> str:
-    """Return what the server says about its refusal, in its words."""
+    """Return the server's own reason for its refusal."""
     try:
         content = json.loads(error.read(LARGEST_ANSWER))
         return str(content["detail"])[:300]
@@ -132,11 +132,7 @@ def trust(server: str, ca: str | None) -> ssl.SSLContext | None:
 
 
 def believed(ca: str | None) -> ssl.SSLContext:
-    """Return whose certificates are believed: the system's, and those in the file `ca`.
-
-    Raises:
-        ConfigError: the file cannot be read.
-    """
+    """Trust the system's certificates and those in the file `ca`; raises ConfigError."""
     context = ssl.create_default_context()
     try:
         if ca:

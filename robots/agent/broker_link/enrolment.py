@@ -1,7 +1,6 @@
-"""How an agent comes by its credentials: once with a one-time token of its owner's, and anew with
-those that it has.
+"""How an agent gets its credentials: by its owner's one-time token, and later by renewal.
 
-Both are a POST to the server, over HTTPS; in the clear only to this very machine.
+Both are a POST to the server, over HTTPS; unencrypted only to this very machine.
 """
 
 import ipaddress
@@ -142,9 +141,7 @@ def renew(config: AgentConfig) -> dict[str, str] | None:
 def keep_renewing(
     config: AgentConfig, renewed: Callable[[dict[str, str]], None], pause: Callable[[float], bool]
 ) -> None:
-    """Ask now and then, until `pause` (which waits so many seconds) returns True; `renewed` is told
-    the new credentials.
-    """
+    """Ask now and then until `pause` returns True; hand new credentials to `renewed`."""
     while not pause(RENEW_EVERY):
         try:
             fresh = renew(config)
@@ -153,15 +150,11 @@ def keep_renewing(
             continue
         if fresh is not None:
             renewed(fresh)
-            return  # what we were told to start with is old; the next question is the next start's
+            return  # `config` is old by now; the next renewal follows the next start
 
 
 def check_private(server: str) -> None:
-    """Tell whether what is sent to a server is read by it alone.
-
-    Raises:
-        ConfigError: it would cross a network in the clear.
-    """
+    """Refuse, by ConfigError, to send credentials over a network in the clear."""
     parts = urlsplit(server)
     if parts.scheme == "https" or (
         parts.scheme == "http" and _is_this_machine(parts.hostname or "")

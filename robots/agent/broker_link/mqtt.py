@@ -49,9 +49,7 @@ class LinkInbox(Protocol):
     """Where what arrives goes. Called on the link's loop; must return at once."""
 
     def arrived(self, suffix: str, message: Any, *, retained: bool) -> None:
-        """Take a decoded message; `message` is None for an empty one, which is how a retained
-        message is taken back.
-        """
+        """Take a message; None for an empty one, which takes a retained message back."""
 
     def rejected(self, reason: str) -> None:
         """Count a message that could not be decoded."""
@@ -63,9 +61,7 @@ class LinkInbox(Protocol):
         """Another agent says that it is this robot (its boot), or has gone (None)."""
 
     def is_needed(self) -> bool:
-        """Tell whether somebody drives, watches or is about to: a lost connection is then tried
-        again at once.
-        """
+        """Whether the robot is in use: a lost connection is then retried at once."""
 
 
 @dataclass(frozen=True)
@@ -124,7 +120,7 @@ def _fault_in(url: str) -> str:
         return "it names no host"
     if len(url.split()) != 1:
         return "it contains blanks"
-    try:  # what stands there may be of a password, with a slash that was not written as %2F
+    try:  # the port may be a password's part behind a slash that was not written as %2F
         return "the port must be from 1 to 65535" if parts.port == 0 else ""
     except ValueError:
         return "the port must be from 1 to 65535"
@@ -172,14 +168,11 @@ class MqttLink:
         self._wake, self._closing = asyncio.Event(), asyncio.Event()
         self._rival: str | None = None
         self._refused_since: float | None = None  # by the monotonic clock
-        # Nothing that anybody is told: with Mosquitto, whoever knows a client id takes its
-        # connection over.
+        # secret: with Mosquitto, a client that knows an id can take its connection over
         self._client_id = f"{factsheet.name[:40]}-{secrets.token_hex(8)}"
 
     def credentials_changed(self, username: str, password: str) -> None:
-        """Be somebody else to the broker from the next connection on; may be called from any
-        thread.
-        """
+        """Use other credentials from the next connection on; from any thread."""
         self._endpoints = tuple(
             replace(endpoint, username=username, password=password) for endpoint in self._endpoints
         )
@@ -190,7 +183,6 @@ class MqttLink:
         self._wake.set()
 
     async def run(self, inbox: LinkInbox) -> None:
-        """Stay connected until `close()`."""
         while not self._closing.is_set():
             began = time.monotonic()
             try:
@@ -217,15 +209,11 @@ class MqttLink:
 
     @property
     def _has_nodes(self) -> bool:
-        """Tell whether the endpoints are several machines, and not one by several transports: a
-        lost connection then says that its machine may be gone.
-        """
+        """Whether the endpoints are several machines: a lost connection may mean a dead one."""
         return len({endpoint.host for endpoint in self._endpoints}) > 1
 
     def close(self) -> None:
-        """Say what is still to be said, and OFFLINE; then `run` returns. It does so in FAREWELL
-        seconds, or is to be cancelled.
-        """
+        """Send the rest, then OFFLINE; `run` returns, or is to be cancelled after FAREWELL s."""
         self._closing.set()
         self._wake.set()
 
@@ -281,9 +269,7 @@ class MqttLink:
         )
 
     async def _send(self, client: Client, tasks: asyncio.TaskGroup) -> None:
-        """Send what is in the outbox, in order, IN_FLIGHT at a time, until `close()` was called and
-        all of it has arrived.
-        """
+        """Send the outbox in order, IN_FLIGHT at a time, until closed and acknowledged."""
         while not (
             self._closing.is_set() and not len(self.outbox) and not self.outbox.unacknowledged
         ):
@@ -370,7 +356,7 @@ class MqttLink:
             log.debug("broker_again", after=round(seconds, 1))
 
     def _reason(self, error: BaseException) -> str:
-        """Return why there is no connection, and what to do where somebody has to do something."""
+        """Return why there is no connection, and what the owner can do about it."""
         if getattr(getattr(error, "rc", None), "value", None) not in REFUSALS:
             return reason_of(error)
         now = time.monotonic()

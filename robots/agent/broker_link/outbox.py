@@ -1,8 +1,7 @@
-"""What the agent has to say on MQTT, in order, while the broker is away as well.
+"""The agent's MQTT messages, in order, also while the broker is away.
 
-Records (states, events, answers, photos) are kept until the broker has acknowledged them: nothing
-of a drive is missing because the broker was restarted. The rest is of its moment, and dropped while
-nobody listens.
+Records (states, events, answers, photos) are kept until the broker has acknowledged them, so that
+a restart of the broker loses nothing of a drive. The rest is dropped while disconnected.
 """
 
 from collections import deque
@@ -13,8 +12,7 @@ from robots.api import topics
 KEPT = ("state", "event", "action", "photo")
 MESSAGES = 6000
 BYTES = 32 << 20
-# of these none waits behind another of its suffix: a network that does not take one will not take
-# two
+# at most one waits or is sent: a network that does not take one does not take two
 ONE_AT_A_TIME = frozenset({"picture"})
 
 
@@ -29,11 +27,7 @@ class OutboundMessage:
 
 
 def outbound(suffix: str, payload: bytes) -> OutboundMessage:
-    """Return a letter as the topic table wants it sent.
-
-    Raises:
-        ValueError: the table has no such suffix.
-    """
+    """Return a message with its topic's QoS and retain flag; ValueError for no such topic."""
     topic = topics.find(suffix)
     if topic is None:
         raise ValueError(f"no topic {suffix}")
@@ -41,9 +35,7 @@ def outbound(suffix: str, payload: bytes) -> OutboundMessage:
 
 
 class Outbox:
-    """A queue, bounded in messages and bytes; the oldest goes first, also when there is no room
-    (counted in `lost`).
-    """
+    """A queue bounded in messages and bytes: the oldest is dropped first, counted in `lost`."""
 
     def __init__(self, messages: int = MESSAGES, size: int = BYTES) -> None:
         self._waiting: deque[OutboundMessage] = deque()
@@ -57,11 +49,10 @@ class Outbox:
 
     @property
     def unacknowledged(self) -> int:
-        """Return how many letters are on their way."""
         return len(self._sent)
 
     def put(self, message: OutboundMessage, *, connected: bool) -> None:
-        """Take a letter; one that is of its moment only when `connected`."""
+        """Queue a message; one that is not a record only when `connected`."""
         if not connected and message.suffix.partition("/")[0] not in KEPT:
             return
         if message.suffix.partition("/")[0] in ONE_AT_A_TIME and not self._make_room(
@@ -77,7 +68,7 @@ class Outbox:
             self.lost += 1
 
     def _make_room(self, suffix: str) -> bool:
-        """Drop the letter of this suffix that still waits; False when one is on its way."""
+        """Drop the waiting message of this suffix; False when one is being sent."""
         for old in [old for old in self._waiting if old.suffix == suffix]:
             self._waiting.remove(old)
             self._bytes -= len(old.payload)
@@ -85,18 +76,17 @@ class Outbox:
         return all(sent.suffix != suffix for sent in self._sent.values())
 
     def take(self) -> OutboundMessage:
-        """Return the next letter, which counts as on its way until `acknowledged`."""
+        """Return the next message, which counts as being sent until `acknowledged`."""
         message = self._waiting.popleft()
         self._bytes -= len(message.payload)
         self._sent[id(message)] = message
         return message
 
     def acknowledged(self, message: OutboundMessage) -> None:
-        """The broker has it."""
         self._sent.pop(id(message), None)
 
     def disconnected(self) -> None:
-        """Put what was on its way back in front, in order, and drop what was of its moment."""
+        """Put unacknowledged records back in front, in order, and drop the rest."""
         everything = [*self._sent.values(), *self._waiting]
         self._sent.clear()
         self._waiting.clear()

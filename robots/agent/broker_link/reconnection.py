@@ -1,9 +1,9 @@
 """When an agent that lost its broker tries again: pure.
 
 Exponential back-off with full jitter (Brooker, "Exponential Backoff And Jitter", AWS Architecture
-Blog, 2015): each pause is drawn between zero and a bound that doubles. The first one counts most.
-After a broker has restarted, all robots lose it in the same second; those that nobody needs are
-spread over SPREAD.first, so that the few that somebody drives, which try at once, find it free.
+Blog, 2015): each pause is drawn between zero and a bound that doubles. The first one counts most:
+after a broker has restarted, all robots lose it in the same second. Robots that are not in use are
+spread over SPREAD.first, so that the few that are driven, which try at once, find it free.
 """
 
 import random
@@ -14,15 +14,15 @@ from robots.agent.timing import Backoff
 
 @dataclass(frozen=True)
 class SpreadParams:
-    """Bounds of the pauses of a robot that nobody needs, in seconds. Longest pause and the time to
-    find that an attempt fails stay well below the minute in which everybody is to be back.
+    """Bounds of the pauses of a robot that is not in use, in seconds; with a failed attempt well
+    below the minute in which all robots must be back.
     """
 
     first: float = 10.0
     longest: float = 20.0
     settled: float = 10.0  # a connection that held shorter counts as another failure
-    # since the last moment at which somebody needed it, for which a robot counts as needed: nobody
-    # can tell it so while there is no connection
+    # since its last use, for which a robot counts as in use: it cannot learn of a new one while
+    # disconnected
     needed_for: float = 120.0
 
 
@@ -40,13 +40,10 @@ class Reconnection:
         self._needed_at = float("-inf")
 
     def needed(self, now: float) -> None:
-        """Note that somebody needs the robot now."""
         self._needed_at = now
 
     def pause(self, held: float, now: float) -> float:
-        """Return how many seconds to wait after a connection that held for `held` seconds (0: it
-        never came).
-        """
+        """Return seconds to wait after a connection that held for `held` seconds (0: none)."""
         params, soon = self._params, self._at_once.failed(held)
         bound = params.first if held >= params.settled else self._bound
         self._bound = min(params.longest, 2.0 * bound)

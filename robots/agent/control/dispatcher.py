@@ -246,7 +246,8 @@ class CommandDispatcher:
     def reading(self, reading: RcaState) -> None:
         """Take what the RCA reports, and say what has changed."""
         before, was_docked = self.reports.reading, self.reports.docked
-        self._kernel.measured(reading.velocity, self._times.now())
+        if reading.is_measured:
+            self._kernel.measured(reading.velocity, self._times.now())
         if reading.estop is not None and self._kernel.button(
             pressed=reading.estop, now=self._times.now(), unix=self._times.unix()
         ):
@@ -421,7 +422,7 @@ class CommandDispatcher:
     def _heartbeat(self, peer: str, beat: CommandHeartbeat, sender: CommandSender) -> None:
         now = self._times.now()
         self._kernel.clocks.heard(peer, sender.way, beat, now=now, unix=self._times.unix())
-        self._kernel.heard(peer, sender.way, now)
+        self._kernel.heartbeat(peer, sender.way, now)
 
     def _point(self, peer: str, command: PointCommand, sender: CommandSender) -> None:
         """Pass on where one side points; neither the kernel nor the record has to do with it."""

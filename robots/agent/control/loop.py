@@ -30,7 +30,7 @@ from robots.agent.store import Store
 from robots.agent.thread_priority import FIRST, ORDINARY, set_nice
 from robots.agent.timing import TimeSource
 from robots.agent.watchdog import end_process
-from robots.api.messages import Capability, Message, Role, SignalReply, Velocity
+from robots.api.messages import Capability, Message, Role, SignalReply
 from robots.cancellation import cancel
 
 log = structlog.stdlib.get_logger(__name__)
@@ -82,9 +82,7 @@ class ControlLoop:
             latch=store.latch(),
             newest_lease=store.lease(),
             monitor=shaper,
-            standstill=Velocity(
-                linear=profile.standstill_linear, angular=profile.standstill_angular
-            ),
+            standstill=profile.standstill,
         )
         # until it has ended as it was asked to; threading.excepthook logs why it did not
         self.failed = True

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from dataclasses import dataclass
 
-from robots.agent.ramp import ZERO
+from robots.agent.ramp import ZERO, is_within
 from robots.agent.robot_interface import ActionProgress, Adapter, AdapterError, RcaState, Severable
 
 
@@ -68,11 +68,7 @@ class ObservedRobot:
 
     def is_at_rest(self, state: RcaState) -> bool:
         """Tell whether a reading is within the standstill thresholds of the profile."""
-        profile, velocity = self.adapter.profile, state.velocity
-        return (
-            abs(velocity.linear) <= profile.standstill_linear
-            and abs(velocity.angular) <= profile.standstill_angular
-        )
+        return is_within(state.velocity, self.adapter.profile.standstill)
 
     async def wait(self, seconds: float) -> None:
         """Let time pass, as long as the robot reports.

@@ -12,9 +12,9 @@ from typing import Any
 
 import msgspec
 
-from robots.agent.ramp import ZERO
+from robots.agent.ramp import ZERO, is_within
 from robots.agent.robot_interface import NOWHERE, UNKNOWN_BATTERY, RcaState
-from robots.agent.safety.kernel import STANDSTILL, Kernel
+from robots.agent.safety.kernel import Kernel
 from robots.agent.timing import Cadence, TimeSource
 from robots.api import docked
 from robots.api.docked import DockReading, DockState
@@ -190,13 +190,9 @@ class Reports:
 
     @property
     def is_moving(self) -> bool:
-        """Tell whether the robot moves, as it measures or as it was told."""
-        velocity = self.reading.velocity
-        return (
-            abs(velocity.linear) > STANDSTILL.linear
-            or abs(velocity.angular) > STANDSTILL.linear
-            or self._kernel.commanded != ZERO
-        )
+        """Tell whether the robot is measured moving, or was sent a velocity other than zero."""
+        kernel = self._kernel
+        return kernel.commanded != ZERO or not is_within(self.reading.velocity, kernel.standstill)
 
     # --- saying -----------------------------------------------------------------------------------
 

@@ -1,11 +1,10 @@
-"""Microphone and loudspeaker of Linux through arecord and aplay, as the contract wants them: see
-adapters/contract.
+"""Microphone and loudspeaker of Linux through arecord and aplay, as robot_interface.py wants them.
 
 A child process for each, and not FFmpeg's own ALSA. The one in PyAV's wheel has its folders
-compiled in under the temporary directory, where anybody may put a configuration, and code for it to
-load; and pointed at the system's plug-ins it hands them structures of another version of libasound.
-alsa-utils belongs to the system's libasound. A program that hangs is ended, and one that crashes
-leaves the robot driving.
+compiled in under the temporary directory, where any user may put a configuration, and code for it
+to load; and pointed at the system's plug-ins it hands them structures of another version of
+libasound. alsa-utils belongs to the system's libasound. A program that hangs is ended, and one that
+crashes leaves the robot driving.
 
     https://www.alsa-project.org/alsa-doc/alsa-lib/pcm_plugins.html -- what `plug` is: any device,
     in our rate and number of channels
@@ -54,7 +53,7 @@ class AlsaLimits:
     pipe: int = 2048  # written and not played: the smallest pipe that Linux makes, 43 ms
     opening: float = 5.0  # a sound server that wakes a device needs seconds
     full: float = 1.0  # a device that is open and takes nothing for so long hangs
-    ending: float = 0.5  # to play what is left, and to end
+    ending: float = 0.5  # to play the rest, and to end
     listing: float = 3.0  # to name the devices that there are
 
 
@@ -62,36 +61,45 @@ LIMITS = AlsaLimits()
 Program = Literal["arecord", "aplay"]
 
 
-class AlsaMicrophone:
-    """See contract.AudioSource. Belongs to one thread."""
+class _AlsaDevice:
+    program: Program
+    name: str
 
     def __init__(self, words: DeviceSetting) -> None:
         self._words = words
         self._child: _Child | None = None
-        self._recorded = bytearray()
 
     def start(self) -> None:
-        """Begin to capture; idempotent.
+        """Open the device; idempotent. Other faults than a missing program show on its use.
 
         Raises:
-            AdapterError: the program that does it is not there.
+            AdapterError: the program that does it is not installed.
         """
         if self._child is None:
-            self._recorded.clear()
-            self._child = _Child("arecord", "microphone", self._words.address)
+            self._child = _Child(self.program, self.name, self._words.address)
 
     def stop(self) -> None:
-        """Stop capturing; idempotent."""
+        """Play the rest, if it plays, and close the device; idempotent."""
         child, self._child = self._child, None
         if child is not None:
             child.end()
 
-    def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
-        """Block for the next 20 ms, (960,), at most `timeout` seconds; None when there was nothing.
 
-        Raises:
-            AdapterError: the microphone is gone.
-        """
+class AlsaMicrophone(_AlsaDevice):
+    """See robot_interface.AudioSource. Belongs to one thread."""
+
+    program, name = "arecord", "microphone"
+
+    def __init__(self, words: DeviceSetting) -> None:
+        super().__init__(words)
+        self._recorded = bytearray()
+
+    def stop(self) -> None:
+        super().stop()
+        self._recorded.clear()
+
+    def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
+        """Block for 20 ms, (960,), for `timeout` s at most; None without data, or AdapterError."""
         if self._child is None:
             return None
         deadline = time.monotonic() + timeout
@@ -107,49 +115,24 @@ class AlsaMicrophone:
         return block
 
 
-class AlsaLoudspeaker:
-    """See contract.Speaker. Belongs to one thread."""
+class AlsaLoudspeaker(_AlsaDevice):
+    """See robot_interface.Speaker. Belongs to one thread."""
 
-    def __init__(self, words: DeviceSetting) -> None:
-        self._words = words
-        self._child: _Child | None = None
-
-    def start(self) -> None:
-        """Open the device; idempotent. What is wrong with it is known when it is played to.
-
-        Raises:
-            AdapterError: the program that does it is not there.
-        """
-        if self._child is None:
-            self._child = _Child("aplay", "loudspeaker", self._words.address)
-
-    def stop(self) -> None:
-        """Play what is left and let go of the device; idempotent."""
-        child, self._child = self._child, None
-        if child is not None:
-            child.end()
+    program, name = "aplay", "loudspeaker"
 
     def play(self, samples: npt.NDArray[np.int16]) -> None:
-        """Play samples, (n,): mono, 48 kHz. Waits while the device has enough.
-
-        Raises:
-            AdapterError: it is gone.
-        """
+        """Play (n,) mono at 48 kHz, waiting while the device is full; raises AdapterError."""
         if self._child is None:
-            raise AdapterError(f"the loudspeaker {self._words.address} is not open")
+            raise AdapterError(f"the {self.name} {self._words.address} is not open")
         self._child.write(samples.astype("<i2").tobytes())
 
 
 class _Child:
-    """A running arecord or aplay; what it has to say about its device is kept.
-
-    Raises:
-        AdapterError: there is no such program.
-    """
+    """A running arecord or aplay, and its last messages; AdapterError when not installed."""
 
     def __init__(self, program: Program, name: str, address: str) -> None:
         self._program, self._name, self._address = program, name, address
-        self._said = b""
+        self._output = b""
         self._began = time.monotonic()
         command = (
             program,
@@ -194,29 +177,19 @@ class _Child:
             os.set_blocking(self._process.stdin.fileno(), False)
 
     def is_ready(self, timeout: float) -> bool:
-        """Tell whether something was recorded, or the program has ended, within
-        `timeout` seconds.
-        """
+        """Wait for recorded sound, or the program's end, for `timeout` seconds at most."""
         return bool(select.select([_file(self._process.stdout)], [], [], timeout)[0])
 
     def read(self) -> bytes:
-        """Return what was recorded.
-
-        Raises:
-            AdapterError: the program has ended.
-        """
+        """Return what was recorded; raises AdapterError when the program has ended."""
         self._listen()
         data = os.read(_file(self._process.stdout).fileno(), LIMITS.waiting * WIDTH)
         if not data:
-            raise self._gone()
+            raise self._failure()
         return data
 
     def write(self, data: bytes) -> None:
-        """Give it this to play; waits while it has enough.
-
-        Raises:
-            AdapterError: the program has ended, or takes nothing.
-        """
+        """Play this, waiting while it is full; AdapterError when it has ended or takes nothing."""
         left = memoryview(data)
         while left:
             self._listen()
@@ -228,10 +201,10 @@ class _Child:
             except BlockingIOError:
                 continue
             except BrokenPipeError as error:
-                raise self._gone() from error
+                raise self._failure() from error
 
     def end(self) -> None:
-        """End it, by itself when it will."""
+        """End it, by force if it does not end by itself."""
         if self._process.stdin is not None:
             self._process.stdin.close()
         else:
@@ -252,44 +225,42 @@ class _Child:
             log.warning("device_hung", name=self._name, address=self._address)
 
     def _listen(self) -> None:
-        """Keep the end of what it says; a full pipe would stop it."""
+        """Keep the end of its messages; a full pipe would stop it."""
         assert self._process.stderr is not None
         try:
-            while said := os.read(self._process.stderr.fileno(), 4096):
-                self._said = (self._said + said)[-4096:]
+            while output := os.read(self._process.stderr.fileno(), 4096):
+                self._output = (self._output + output)[-4096:]
         except BlockingIOError:
             pass
 
-    def _gone(self) -> AdapterError:
+    def _failure(self) -> AdapterError:
         self._wait()
         self._listen()
-        reason = reason_in(self._said.decode(errors="replace")) or f"{self._program} has ended"
+        reason = reason_in(self._output.decode(errors="replace")) or f"{self._program} has ended"
         return AdapterError(
             f"the {self._name} {self._address} cannot be used: {reason}; "
             f"available: {', '.join(devices(self._program)) or 'none'}"
         )
 
 
-def reason_in(said: str) -> str:
+def reason_in(output: str) -> str:
     """Return the reason in what arecord or aplay said last, empty when it said none: `aplay:
     main:831: audio open error: Device or resource busy`.
     """
-    lines = [line for line in said.splitlines() if line.startswith(("arecord: ", "aplay: "))]
+    lines = [line for line in output.splitlines() if line.startswith(("arecord: ", "aplay: "))]
     reason = lines[-1].rpartition(": ")[2].strip(" :") if lines else ""
     return REASONS.get(reason, reason)
 
 
 def devices(program: Program) -> tuple[str, ...]:
-    """Return the names of the devices that there are, those that a person would choose; none when
-    nobody says.
-    """
+    """Return the devices that a person would choose; none when the listing fails."""
     try:
-        said = subprocess.run(
+        listing = subprocess.run(
             (program, "-L"), capture_output=True, text=True, timeout=LIMITS.listing, check=False
         ).stdout
     except (OSError, subprocess.TimeoutExpired):
         return ()
-    return tuple(line for line in said.splitlines() if line.startswith(CARDS))
+    return tuple(line for line in listing.splitlines() if line.startswith(CARDS))
 
 
 def _file(file: IO[bytes] | None) -> IO[bytes]:

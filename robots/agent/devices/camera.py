@@ -1,6 +1,4 @@
-"""A camera by device, file or address, as the contract wants one: see
-adapters/contract.VideoSource.
-"""
+"""A camera by device, file or address: a robot_interface.VideoSource."""
 
 from typing import Any
 
@@ -18,7 +16,7 @@ LARGEST = (1280, 960)  # pixels: more is scaled down at once, because no stream 
 
 
 class DeviceCamera:
-    """See contract.VideoSource. Of pictures that nobody fetched the newest counts."""
+    """See robot_interface.VideoSource. Of unread frames only the newest counts."""
 
     def __init__(self, words: DeviceSetting) -> None:
         self._reader = DeviceReader("camera", words, "video", self._take)
@@ -26,20 +24,14 @@ class DeviceCamera:
         self._reformatter = VideoReformatter()
 
     def start(self) -> None:
-        """Begin to capture; idempotent."""
         self._newest.put(None)
         self._reader.start()
 
     def stop(self) -> None:
-        """Stop capturing; idempotent."""
         self._reader.stop()
 
     def read(self, timeout: float) -> Frame | None:
-        """Block for the next picture, at most `timeout` seconds; None when there was none.
-
-        Raises:
-            AdapterError: the camera is gone.
-        """
+        """Block for the next frame, for `timeout` s at most; None without one, or AdapterError."""
         newest = self._newest.take(timeout if not self._reader.failed else 0.0)
         if newest is None:
             self._reader.check()
@@ -51,9 +43,7 @@ class DeviceCamera:
 
 
 def picture_of(frame: av.VideoFrame, reformatter: VideoReformatter) -> npt.NDArray[np.uint8]:
-    """Return a decoded picture of any format as `contract.Frame` wants yuv420p: even sides, at most
-    LARGEST, video's range of values.
-    """
+    """Return a frame as yuv420p for `Frame`: even sides, at most LARGEST, video's range."""
     scale = min(1.0, LARGEST[0] / frame.width, LARGEST[1] / frame.height)
     width, height = (max(2, int(side * scale) // 2 * 2) for side in (frame.width, frame.height))
     same = reformatter.reformat(

@@ -37,8 +37,7 @@ class Equipment:
 
 
 def equipment_of(adapter: Adapter, config: AgentConfig) -> Equipment:
-    """Return the devices; nothing is opened yet, and what cannot be opened later is told as the
-    reason of a missing picture or sound.
+    """Return the devices, not opened yet; later errors are the reasons of missing video or sound.
 
     Raises:
         ConfigError: no device is named like this; one sentence.

@@ -1,6 +1,4 @@
-"""A microphone by device, file or address that FFmpeg reads, as the contract wants one: see
-adapters/contract.AudioSource. Linux's own: alsa.py.
-"""
+"""A microphone by device, file or address that FFmpeg reads; for Linux's own see alsa.py."""
 
 import threading
 from collections import deque
@@ -14,11 +12,11 @@ from robots.agent.devices.reader import DeviceReader
 from robots.agent.devices.words import DeviceSetting
 
 RATE, BLOCK = 48_000, 960  # samples a second, and in 20 ms
-WAITING = 10  # blocks that wait for whoever fetches them: 0.2 s, then the oldest go
+WAITING = 10  # unread blocks: 0.2 s, then the oldest are dropped
 
 
 class DeviceMicrophone:
-    """See contract.AudioSource."""
+    """See robot_interface.AudioSource."""
 
     def __init__(self, words: DeviceSetting) -> None:
         self._reader = DeviceReader("microphone", words, "audio", self._take)
@@ -27,21 +25,15 @@ class DeviceMicrophone:
         self._resampler = _resampler()
 
     def start(self) -> None:
-        """Begin to capture; idempotent."""
         self._blocks.clear()
         self._resampler = _resampler()
         self._reader.start()
 
     def stop(self) -> None:
-        """Stop capturing; idempotent."""
         self._reader.stop()
 
     def read(self, timeout: float) -> npt.NDArray[np.int16] | None:
-        """Block for the next 20 ms, (960,), at most `timeout` seconds; None when there was nothing.
-
-        Raises:
-            AdapterError: the microphone is gone.
-        """
+        """Block for 20 ms, (960,), for `timeout` s at most; None without data, or AdapterError."""
         with self._news:
             self._news.wait_for(lambda: self._blocks, timeout if not self._reader.failed else 0.0)
             block = self._blocks.popleft() if self._blocks else None
@@ -50,7 +42,7 @@ class DeviceMicrophone:
         return block
 
     def _take(self, frame: Any, _stamp: float) -> None:
-        # a device that begins anew, or a file, has times of its own; only the order counts
+        # a device that restarts, or a file, has times of its own; only the order counts
         frame.pts = None
         blocks = [block.to_ndarray()[0] for block in self._resampler.resample(frame)]
         with self._news:

@@ -1,6 +1,4 @@
-"""What one thread gives and another takes, of which only the newest counts: a picture that nobody
-fetched is old.
-"""
+"""A value from one thread to another, of which only the newest counts, such as a camera's frame."""
 
 import threading
 from typing import Generic, TypeVar
@@ -9,20 +7,18 @@ Thing = TypeVar("Thing")
 
 
 class Newest(Generic[Thing]):
-    """A place for one thing."""
-
     def __init__(self) -> None:
         self._news = threading.Condition()
         self._thing: Thing | None = None
 
     def put(self, thing: Thing | None) -> None:
-        """Put it there, in the place of what was; None empties it."""
+        """Replace the value; None empties it."""
         with self._news:
             self._thing = thing
             self._news.notify_all()
 
     def take(self, timeout: float) -> Thing | None:
-        """Take what is there, or comes within `timeout` seconds; None when nothing did."""
+        """Take the value, waiting `timeout` seconds at most; None without one."""
         with self._news:
             self._news.wait_for(lambda: self._thing is not None, timeout)
             thing, self._thing = self._thing, None

@@ -1,9 +1,8 @@
-"""Decodes one stream of a device, a file or an address, in a thread of its own: a device that hangs
-hangs nobody else.
+"""Decodes one stream of a device, a file or an address, in a thread of its own, which may hang.
 
-Each start has a thread and a state of its own. A thread that does not come back from its device is
-left behind, and whatever it still says counts for nothing. A few may be left behind, for a device
-that is reached again by another start; then the device counts as broken until one of them is back.
+Each start has a thread and a state of its own. A thread that hangs in its device is left behind,
+and its later output is ignored. A few may be left behind, for a device that another start reaches
+again; then the device counts as broken until one of them returns.
 """
 
 import errno
@@ -37,7 +36,7 @@ class ReaderLimits:
     ending: float = 0.5  # to wait for the thread's end
     # between a picture's own time and now, up to which its own is believed
     clocks_agree: float = 2.0
-    leap: float = 1.0  # a file whose times leap more is begun anew
+    leap: float = 1.0  # a file whose times leap more is restarted
     left_behind: int = 3  # threads that may hang in the device
 
 
@@ -45,7 +44,7 @@ LIMITS = ReaderLimits()
 
 
 class ReaderStage(Enum):
-    """How far the opening of a device has come; the value says what is missing."""
+    """How far the opening of a device is; the value names the missing step."""
 
     CALLED = "does not answer"
     OPENED = "answers but sends nothing"
@@ -69,15 +68,9 @@ Take = Callable[[Any, float], None]
 
 
 class DeviceReader:
-    """Reads one stream while it runs.
+    """Reads one stream while it runs; `name` is for sentences, such as `camera`.
 
-    Args:
-        name: for sentences, such as `camera`.
-        words: what to read.
-        kind: which of its streams.
-        take: called in the reader's thread with each decoded frame and the Unix time when it was
-            captured.
-        limits: how long it may take.
+    `take` is called in the reader's thread with each decoded frame and its capture time (Unix s).
     """
 
     def __init__(
@@ -94,11 +87,7 @@ class DeviceReader:
         self._left_behind: list[threading.Thread] = []
 
     def start(self) -> None:
-        """Begin to read; idempotent while it runs.
-
-        Raises:
-            AdapterError: too many threads hang in the device.
-        """
+        """Begin to read; idempotent. Raises AdapterError when too many threads hang in it."""
         if self._run is not None:
             return
         self._left_behind = [thread for thread in self._left_behind if thread.is_alive()]
@@ -118,9 +107,7 @@ class DeviceReader:
                 self._left_behind.append(run.thread)
 
     def check(self) -> None:
-        """Raise AdapterError with the reason when the device is gone, or has taken too long to be
-        opened.
-        """
+        """Raise AdapterError when the device is gone, or was not opened in time."""
         if self._run is None:
             return
         failure = self._run.failure
@@ -135,11 +122,10 @@ class DeviceReader:
 
     @property
     def failed(self) -> bool:
-        """Tell whether the device is gone."""
         return self._run is not None and bool(self._run.failure)
 
     def deliver(self, run: "_Run", frame: Any, stamp: float) -> None:
-        """Hand on what a run has read, unless it is one of before."""
+        """Hand on a frame, unless it is of an earlier run."""
         if run is self._run and not run.ending.is_set():
             run.stage = ReaderStage.SHOWN
             self._take(frame, stamp)
@@ -217,9 +203,7 @@ class _Run:
             )
 
     def _paced(self, frames: Iterator[Any]) -> Iterator[tuple[Any, float]]:
-        """Give a file's frames at their times, without catching up on what a slow computer has
-        missed.
-        """
+        """Yield a file's frames at their times, without catching up after a delay."""
         began = last = None
         leap = self.reader.limits.leap
         for frame in frames:
@@ -238,9 +222,7 @@ class _Run:
 
 
 def _decoded(packet: Any) -> Iterator[Any]:
-    """Give the frames in a packet. One that cannot be decoded lacks what was before it: who comes
-    in the middle waits for the next key frame.
-    """
+    """Yield a packet's frames; one that lacks an earlier frame waits for a key frame."""
     try:
         yield from packet.decode()
     except av.InvalidDataError:
@@ -248,9 +230,7 @@ def _decoded(packet: Any) -> Iterator[Any]:
 
 
 def reason_of(error: Exception) -> str:
-    """Return why FFmpeg failed, in words for the robot's owner and without the address, which may
-    have a password in it.
-    """
+    """Return why FFmpeg failed, without the address, which may contain a password."""
     for kind, reason in REASONS:
         if isinstance(error, kind):
             return reason

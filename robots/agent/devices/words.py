@@ -46,9 +46,7 @@ class DeviceSettingError(ValueError):
 
 @dataclass(frozen=True)
 class DeviceSetting:
-    """One device. `format` is FFmpeg's, empty where the address tells it; `live` is what gives its
-    own pace and cannot be begun anew.
-    """
+    """One device: FFmpeg's `format`; `live` sources set their own pace and cannot restart."""
 
     address: str
     format: str = ""
@@ -67,11 +65,7 @@ class DeviceSetting:
 
 
 def read(words: str, kind: Kind) -> DeviceSetting | None:
-    """Return the device that `words` name, None for an empty word and for `none`.
-
-    Raises:
-        DeviceWordsError: they name none.
-    """
+    """Return the device of `words`, None for "" and `none`; raises DeviceSettingError."""
     rest, options = _options(words.strip())
     if rest in {"", "none"}:
         return None
@@ -104,7 +98,7 @@ def read(words: str, kind: Kind) -> DeviceSetting | None:
 
 
 def _options(words: str) -> tuple[str, dict[str, str]]:
-    """Return what is before the options, and these; an address may have blanks in it."""
+    """Return the text before the options, and these; an address may contain blanks."""
     options: dict[str, str] = {}
     while found := OPTION.search(words):
         options[found.group(1)] = found.group(2)

@@ -1,8 +1,8 @@
 """Which network a driver gets, and which of their messages it carries. Pure.
 
-A study's networks are those of one session: whoever drives next has a clean one, also when the
-server is late to say so. What the agent's command line says holds for everybody of whom the server
-says nothing. Without a driver there is no lab.
+A study's networks belong to one session: the next driver has a clean one, even before the server
+says so. The command line's networks apply where the server sets none. Without a driver there is no
+lab.
 """
 
 from dataclasses import dataclass
@@ -18,15 +18,13 @@ from robots.api.messages import (
     VelocityCommand,
 )
 
-# These pass at once, whatever the network is: nobody is to wait for a robot to stop.
+# These pass at once, whatever the network is: a stop must not wait.
 NEVER_HELD: tuple[type[Action], ...] = (*UNCONDITIONAL, Cancel)
 
 
 @dataclass(frozen=True)
 class Networks:
-    """What is put on a driver's network: on the way of commands to the robot, and on that of its
-    picture and sound to the page.
-    """
+    """The lab's networks: for commands to the robot, and for video and sound to the page."""
 
     control: NetworkLab | None = None
     video: NetworkLab | None = None
@@ -37,18 +35,12 @@ CLEAN = Networks()
 
 
 def in_force(lease: Lease | None, config: Config | None, own: Networks) -> Networks:
-    """Return the networks of whoever drives.
-
-    Args:
-        lease: the live one, or None.
-        config: what the server has set.
-        own: what the agent's command line says.
-    """
+    """Return the driver's networks: of the server's `config`, else `own`, the command line's."""
     if lease is None:
         return CLEAN
-    told = config is not None and config.network_session in {None, lease.session}
-    control = config.control_network if config is not None and told else None
-    video = config.video_network if config is not None and told else None
+    applies = config is not None and config.network_session in {None, lease.session}
+    control = config.control_network if config is not None and applies else None
+    video = config.video_network if config is not None and applies else None
     found = Networks(control or own.control, video or own.video, lease.session)
     return CLEAN if found.control is None and found.video is None else found
 
@@ -57,7 +49,7 @@ def is_held(message: VelocityCommand | Action, sender: CommandSender, lease: Lea
     """Tell whether a message travels on the driver's network: their velocities and actions, but
     never what stops the robot.
 
-    What others send is not held, and takes no part in what is drawn for the driver's packets.
+    Messages of others are not held, and draw no random numbers.
     """
     if lease is None or sender.retained or isinstance(message, NEVER_HELD):
         return False

@@ -1,4 +1,4 @@
-"""A bad line, as decisions: what is lost, what is late, and in which order the rest comes out.
+"""A bad line, as decisions: losses, delays, and the order of the rest.
 `now` is any monotonic clock in seconds.
 
 Each packet draws three numbers from the seeded generator, whatever becomes of it, so that one
@@ -33,9 +33,7 @@ Deliver = Callable[[], None]
 
 @dataclass
 class Counts:
-    """What became of the packets; `held` is the sum of the seconds for which those were held that
-    came out.
-    """
+    """Counts of packets; `held` is the sum of seconds over those that came out."""
 
     taken: int = 0
     lost: int = 0
@@ -47,9 +45,7 @@ class Counts:
 
 @dataclass(frozen=True, order=True)
 class _Packet:
-    """A packet on its way: when it comes out, its place among those of one moment, since when it
-    has been held, and what it is.
-    """
+    """A packet under way: when it comes out, its order, since when it is held, its delivery."""
 
     at: float
     place: int
@@ -72,7 +68,6 @@ class NetworkLine:
 
     @property
     def waiting(self) -> int:
-        """Return how many packets are on their way."""
         return len(self._under_way) + len(self._overtaken)
 
     def offer(self, deliver: Deliver, size: int, now: float) -> None:
@@ -115,9 +110,7 @@ class NetworkLine:
     # --- inside -----------------------------------------------------------------------------------
 
     def _transmitted(self, size: int, now: float) -> float | None:
-        """Return when the last bit of a packet has left, None when the queue before the transmitter
-        is full.
-        """
+        """Return when a packet's last bit has left, None when the transmitter's queue is full."""
         if self.lab.bitrate is None:
             return now
         begins = max(now, self._free)
@@ -131,9 +124,7 @@ class NetworkLine:
         return _Packet(at, self._place, since, deliver)
 
     def _overtake(self, at: float) -> None:
-        """A packet that comes out at `at` has overtaken those that were to wait for it, unless they
-        come out before.
-        """
+        """Release the packets that waited to be overtaken by one that comes out at `at`."""
         for packet in self._overtaken:
             self.counts.reordered += packet.at > at
             heapq.heappush(

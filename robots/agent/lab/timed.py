@@ -1,4 +1,4 @@
-"""A bad line on an event loop: what is offered comes out when its time has come."""
+"""A simulated network line on an event loop."""
 
 import asyncio
 import time
@@ -9,12 +9,7 @@ from robots.api.messages import LabReport, NetworkLab
 
 
 class TimedLine:
-    """Belongs to the loop that it is made on, but for `report`.
-
-    Args:
-        lab: what is put on the line.
-        now: monotonic time in seconds.
-    """
+    """Belongs to the loop that it is made on, but for `report`; `now` gives monotonic seconds."""
 
     def __init__(self, lab: NetworkLab, now: Callable[[], float] = time.monotonic) -> None:
         self._line, self._now = NetworkLine(lab), now
@@ -24,21 +19,18 @@ class TimedLine:
         self._closed = False
 
     def offer(self, size: int, deliver: Deliver) -> None:
-        """Put a packet of `size` bytes in; `deliver` is called when it comes out, which may be now,
-        later, or never.
-        """
+        """Put a packet of `size` bytes in; `deliver` is called now, later, or never."""
         if not self._closed:
             self._line.offer(deliver, size, self._now())
             self._let_out()
 
     def close(self) -> None:
-        """Lose what is still on its way."""
         self._closed = True
         if self._timer is not None:
             self._timer.cancel()
 
     def report(self) -> LabReport:
-        """Return what is put on the line and what has become of its packets; from any thread."""
+        """Return the line's impairments and the fates of its packets; from any thread."""
         counts = self._line.counts
         return LabReport(
             lab=self._line.lab,

@@ -37,18 +37,14 @@ class DistanceField:
     world_from_field: Pose2D
 
     def cells(self, x: Floats, y: Floats) -> tuple[npt.NDArray[np.intp], npt.NDArray[np.intp]]:
-        """Return the row and column of the cells that hold points of any shape; beyond the edge,
-        the cell on the edge.
-        """
+        """Return row and column of the cells at points of any shape; off the map, of its edge."""
         rows, columns = self.signed.shape
         row = np.minimum(np.maximum(y / self.resolution, 0.0), rows - 1).astype(np.intp)
         column = np.minimum(np.maximum(x / self.resolution, 0.0), columns - 1).astype(np.intp)
         return row, column
 
     def look_up(self, layer: Floats, x: Floats, y: Floats) -> Floats:
-        """Return the values of a layer (h, w) in the cells that hold points of any shape; beyond
-        the edge, those on the edge.
-        """
+        """Return a layer's (h, w) values at points of any shape; off the map, at its edge."""
         row, column = self.cells(x, y)
         row *= layer.shape[1]
         row += column
@@ -63,16 +59,12 @@ class DistanceField:
         return on_map
 
     def is_free(self, x: Floats, y: Floats) -> Bools:
-        """Tell for points of any shape whether the map calls them free; beyond
-        its edge nothing is.
-        """
+        """Tell for points of any shape whether the map calls them free; off the map none is."""
         free: Bools = self.free[self.cells(x, y)] & self.inside(x, y)
         return free
 
     def distances(self, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return the signed distance, interpolated, and its slope along x and along y, at points of
-        any shape.
-        """
+        """Return the interpolated signed distance and its slopes along x and y, any shape."""
         rows, columns = self.signed.shape
         across = np.minimum(np.maximum(x / self.resolution - 0.5, 0.0), columns - 1.001)
         up = np.minimum(np.maximum(y / self.resolution - 0.5, 0.0), rows - 1.001)
@@ -81,38 +73,34 @@ class DistanceField:
         corner = row * columns + column
         flat = self.signed.ravel()
         here, north = flat.take(corner), flat.take(corner + columns)
-        eastwards, along_north = (
-            flat.take(corner + 1) - here,
-            flat.take(corner + (columns + 1)) - north,
-        )
+        eastwards = flat.take(corner + 1) - here
+        along_north = flat.take(corner + (columns + 1)) - north
         low, high = here + right * eastwards, north + right * along_north
         northwards = high - low
         slope_x = (eastwards + above * (along_north - eastwards)) / self.resolution
         return low + above * northwards, slope_x, northwards / self.resolution
 
     def cast(self, x: Floats, y: Floats, angles: Floats, reach: float | Floats) -> Floats:
-        """Return how far rays from (x, y) go before they meet a surface, at most `reach`; all of
-        one shape.
+        """Return how far rays from (x, y) go to a surface, at most `reach`; all of one shape.
 
-        Each step goes as far as the distance field says that nothing stands (sphere tracing); an
-        end may lie up to a cell in the wall. Rays that leave the map meet nothing; so no step has
-        to look whether it is still on it. The shorter the reach, the fewer steps: those close to a
-        surface are the shortest.
+        Each step goes as far as the distance field is free (sphere tracing); an end may lie up to
+        a cell in the wall. Rays that leave the map meet nothing, so no step checks its edge. The
+        shorter the reach, the fewer steps: those close to a surface are the shortest.
         """
         cosine, sine = np.cos(angles), np.sin(angles)
         columns, signed = self.signed.shape[1], self.signed.ravel()
         edge = np.minimum(self._leaves(x, y, cosine, sine), reach)
         x, y, cosine, sine = (part / self.resolution for part in (x, y, cosine, sine))  # in cells
-        gone, ahead = np.zeros(edge.shape), np.ones(edge.shape)
+        travelled, ahead = np.zeros(edge.shape), np.ones(edge.shape)
         for _ in range(STEPS):
-            cell = (y + gone * sine).astype(np.intp) * columns
-            cell += (x + gone * cosine).astype(np.intp)
+            cell = (y + travelled * sine).astype(np.intp) * columns
+            cell += (x + travelled * cosine).astype(np.intp)
             ahead = signed.take(cell, mode="clip")
-            going = (ahead > 0.0) & (gone < edge)
+            going = (ahead > 0.0) & (travelled < edge)
             if not going.any():
                 break
-            gone += ahead * going
-        return np.where((ahead <= 0.0) & (gone < edge), gone, reach)
+            travelled += ahead * going
+        return np.where((ahead <= 0.0) & (travelled < edge), travelled, reach)
 
     def _leaves(self, x: Floats, y: Floats, cosine: Floats, sine: Floats) -> Floats:
         """Return how far rays (n,) go before they leave the map, negative from outside of it."""
@@ -128,11 +116,7 @@ class DistanceField:
 
 
 def field_of(grid: OccupancyGrid) -> DistanceField:
-    """Return the field of a map.
-
-    Raises:
-        MapError: nowhere on it can a robot be, or nothing stands on it that a laser could see.
-    """
+    """Return the field of a map; MapError without free space, or without obstacles."""
     free, occupied = grid.free()[::-1], grid.occupied()[::-1]
     if not free.any():
         raise MapError("the map has no free space for a robot")
@@ -150,9 +134,7 @@ def field_of(grid: OccupancyGrid) -> DistanceField:
 
 
 def signed_distance(occupied: Bools, resolution: float) -> Floats:
-    """Return for (h, w) cells the metres from their centres to the nearest border between standing
-    and open, negative inside.
-    """
+    """Return (h, w) metres from cell centres to the nearest surface, negative inside."""
     outside = ndimage.distance_transform_edt(~occupied)
     within = (
         ndimage.distance_transform_edt(occupied)

@@ -45,9 +45,7 @@ class Searching:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """Poses (n, 3) that explain a sweep, best first, and how well (n,):
-    `Agreement.against_others`.
-    """
+    """Poses (n, 3) that explain a sweep, best first, with `Agreement.against_others` (n,)."""
 
     poses: Floats
     merit: Floats
@@ -67,9 +65,7 @@ class GlobalSearch:
         self.places = _free_places(field, settings.place)
 
     def begin(self, sweep: Sweep) -> Search:
-        """Return a search of a sweep; every `next()` does a slice of it, and the last one's
-        StopIteration carries what was found.
-        """
+        """Return a search in slices, one for each `next()`; its StopIteration has the result."""
         if not len(sweep):
             return NOTHING
         coarse = yield from self._raster(sweep.thinned(self.settings.beams))

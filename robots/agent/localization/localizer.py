@@ -43,7 +43,7 @@ from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.grid import OccupancyGrid
 from robots.world.sensing import CENTRE, Covariance, Estimate, Floats, LaserScan
 
-NOWHERE: Covariance = (1e4, 0.0, 0.0, 1e4, 0.0, 10.0)  # variances of somebody who knows nothing
+NOWHERE: Covariance = (1e4, 0.0, 0.0, 1e4, 0.0, 10.0)  # variances of an unknown pose
 # what cells of five centimetres leave open however much the guesses agree
 FLOOR = np.diag([0.02**2, 0.02**2, 0.01**2])
 
@@ -55,7 +55,7 @@ class Scoring:
     lost: float = 0.5  # score below which the robot is lost
     even: float = 0.52  # merit of a pose that scores one half
     slope: float = 14.0  # how fast the score rises there
-    memory: float = 1.5  # s over which the score follows: somebody who walks past loses nobody
+    memory: float = 1.5  # s over which the score follows, so that a passer-by costs no pose
     granted: float = 0.3  # m without a sweep for which the score holds
     blind: float = 4.0  # m after that, over which it falls to 1/e
     plausible: float = 0.4  # merit from which a search takes a pose
@@ -68,7 +68,7 @@ def quality(judged: Agreement, scoring: Scoring) -> float:
 
 
 def decay(step: Pose2D, scoring: Scoring) -> float:
-    """Return what is left of a score after a step on odometry alone."""
+    """Return the share of a score that remains after a step on odometry alone."""
     return math.exp(-max(0.0, way_of(step) - scoring.granted) / scoring.blind)
 
 
@@ -99,11 +99,11 @@ class Settings:
     much: float = 0.5  # share of a sweep that says something, from which later ones are too
     beams: int = 60  # that weigh a particle
     matched: int = 120  # beams that are matched to the map
-    fewest_beams: int = 12  # a sweep with fewer says nothing
+    fewest_beams: int = 12  # a sweep with fewer is ignored
     shortest: float = 0.1  # m: nor does a beam that is shorter
     cluster: float = 0.6  # m within which particles are one place
     cluster_turn: float = math.radians(30.0)  # rad, the same
-    clear: float = 0.9999  # share of the weight: with less, all places are looked at closely
+    clear: float = 0.9999  # share of the weight: with less, all places are judged thoroughly
     again: float = 1.0  # s from one search to the next
     again_here: float = 4.0  # s, the same while the robot is where the last one was
     elsewhere: float = 0.2  # m from there that are another place
@@ -121,11 +121,7 @@ class Localizer:
     def __init__(
         self, grid: OccupancyGrid, rng: np.random.Generator, settings: Settings | None = None
     ) -> None:
-        """Read the map.
-
-        Raises:
-            MapError: it has no free space, or nothing stands on it.
-        """
+        """Read the map; raises MapError without free space or obstacles."""
         self.settings = settings or Settings()
         self.rng = rng
         self.field = field_of(grid)
@@ -152,11 +148,9 @@ class Localizer:
         self._contested = False
 
     def set_pose(self, pose: Pose2D, spread: float = 0.5, turn: float = math.radians(20.0)) -> None:
-        """Believe to be at `pose` of the world, give or take `spread` metres and `turn` radians
-        (standard deviations).
-        """
+        """Believe in `pose`, with standard deviations `spread` (metres) and `turn` (radians)."""
         self.forget()
-        # whoever says so is believed until the laser disagrees
+        # the given pose is trusted until the laser disagrees
         self.confidence = self.match_score = self.settings.scoring.lost
         start = np.array([self.field.world_from_field.inverse().compose(pose)])
         self.particles = evenly(
@@ -202,11 +196,9 @@ class Localizer:
         elif not 0.0 <= stamp - self._judged_at < self.settings.pause:
             self._stand(sweep, there, stamp, docked=docked)
         if self._is_time_to_search(there, stamp):
-            self._searching, self._searched_from, self._searched_at = (
-                self.search.begin(sweep),
-                there,
-                stamp,
-            )
+            self._searching = self.search.begin(sweep)
+            self._searched_from = there
+            self._searched_at = stamp
 
     def _is_time_to_search(self, there: Pose2D, stamp: float) -> bool:
         if self._searching is not None or self.match_score >= self.settings.scoring.lost:
@@ -313,9 +305,7 @@ class Localizer:
         self.confidence += (match_score * certain - self.confidence) * gain
 
     def _telling(self) -> float:
-        """Return how much a sweep has to say, from 0.1 to 1: little when most of it ends on what
-        the map does not know.
-        """
+        """Return what a sweep says, from 0.1 to 1: little when most ends on unmapped things."""
         return max(0.1, 1.0 - float(self.judged.short[0])) if self.believed is not None else 1.0
 
     def _search_on(self) -> None:
@@ -397,10 +387,8 @@ class Localizer:
             noise.way_by_way * way + noise.way_by_turn * turn + way**2 * grown[2, 2]
         )
         turned = np.eye(3)
-        cosine, sine = (
-            math.cos(self.field.world_from_field.theta),
-            math.sin(self.field.world_from_field.theta),
-        )
+        cosine = math.cos(self.field.world_from_field.theta)
+        sine = math.sin(self.field.world_from_field.theta)
         turned[:2, :2] = [[cosine, -sine], [sine, cosine]]
         world: Floats = turned @ grown @ turned.T
         return tuple(

@@ -17,9 +17,7 @@ from robots.world.sensing import Floats
 
 @dataclass(frozen=True)
 class MotionNoise:
-    """Variances: of a turn per radian turned and per metre driven, of a way per metre driven and
-    per radian turned.
-    """
+    """Variances per radian turned and per metre driven, of a turn and of a distance."""
 
     turn_by_turn: float = 0.0016
     turn_by_way: float = 0.0012
@@ -28,9 +26,7 @@ class MotionNoise:
 
 
 def move(poses: Floats, step: Pose2D, noise: MotionNoise, rng: np.random.Generator) -> Floats:
-    """Return poses (n, 3) x, y, theta after a step that odometry reports in the robot's frame, each
-    with its own error.
-    """
+    """Return poses (n, 3) x, y, theta after an odometry step, each with its own error."""
     way, turn = math.hypot(step.x, step.y), abs(step.theta)
     draws = rng.standard_normal((4, len(poses)))
     turned = math.sqrt((noise.turn_by_turn * turn + noise.turn_by_way * way) / 2.0)

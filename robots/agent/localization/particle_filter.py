@@ -42,13 +42,11 @@ class ParticleSet:
         return ParticleSet(self.poses, weights / weights.sum())
 
     def is_depleted(self) -> bool:
-        """Tell whether so few guesses carry the weight that it is time to draw anew."""
+        """Tell whether so few particles carry the weight that resampling is due."""
         return bool(1.0 / (self.weights**2).sum() < 0.5 * len(self.weights))
 
     def drawn(self, sampling: Sampling, rng: np.random.Generator) -> "ParticleSet":
-        """Return guesses of equal weight, drawn by the weights at even distances (low variance
-        sampling).
-        """
+        """Return particles of equal weight, by low variance sampling."""
         count = needed(self.poses[self.weights > 0.01 / len(self.weights)], sampling)
         comb = (rng.random() + np.arange(count)) / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weights), comb), len(self.weights) - 1)
@@ -56,7 +54,6 @@ class ParticleSet:
 
 
 def evenly(poses: Floats) -> ParticleSet:
-    """Return guesses of equal weight."""
     return ParticleSet(poses, np.full(len(poses), 1.0 / len(poses)))
 
 
@@ -67,9 +64,7 @@ def around(
     heading: float,
     rng: np.random.Generator,
 ) -> Floats:
-    """Return (sum of counts, 3) guesses, normally spread about each of the poses (n, 3): `place`
-    metres, `heading` radians.
-    """
+    """Return (sum of counts, 3) poses, normal about (n, 3): `place` metres, `heading` radians."""
     return np.repeat(poses, counts, axis=0) + rng.standard_normal((int(counts.sum()), 3)) * (
         place,
         place,
@@ -78,9 +73,7 @@ def around(
 
 
 def needed(poses: Floats, sampling: Sampling) -> int:
-    """Return how many guesses approximate the spread of these, with 99 % probability to within
-    `error` (Fox 2003).
-    """
+    """Return how many particles keep within `error`, with 99 % probability (Fox 2003)."""
     filled = int(groups(poses, sampling.place, sampling.heading).max(initial=0)) + 1
     if filled < 2:
         return sampling.fewest
@@ -93,9 +86,7 @@ def needed(poses: Floats, sampling: Sampling) -> int:
 
 @dataclass(frozen=True, eq=False)
 class Cluster:
-    """The guesses about one place: their `mean` (3,), `covariance` (3, 3) and `share` of all
-    weight.
-    """
+    """The particles of one place: `mean` (3,), `covariance` (3, 3), `share` of the weight."""
 
     mean: Floats
     covariance: Floats
@@ -103,9 +94,7 @@ class Cluster:
 
 
 def groups(poses: Floats, reach: float, turn: float) -> npt.NDArray[np.intp]:
-    """Return for each of the poses (n, 3) the number of the cell of a raster that it lies in,
-    `reach` metres wide and `turn` radians deep.
-    """
+    """Return the raster cell (n,) of poses (n, 3), `reach` metres wide, `turn` radians deep."""
     raster = np.floor(poses / (reach, reach, turn)).astype(np.int64)
     raster[:, 2] %= round(2.0 * math.pi / turn)
     _, owner = np.unique(raster @ np.array([1, 1 << 20, 1 << 40]), return_inverse=True)
@@ -128,7 +117,7 @@ def places(
         near = (np.hypot(offset[:, 0], offset[:, 1]) < reach) & (
             np.abs(wrapped(offset[:, 2])) < turn
         )
-        near[0] = True  # what is not a number is near nothing
+        near[0] = True  # NaN is near nothing
         owner[left[near]] = len(best)
         best.append(int(left[0]))
         left = left[~near]
@@ -136,9 +125,7 @@ def places(
 
 
 def heaviest(particles: ParticleSet, reach: float, turn: float) -> Cluster:
-    """Return the cluster with the most weight: all within `reach` metres and `turn` radians of
-    where the guesses are densest.
-    """
+    """Return the heaviest cluster: within `reach` metres and `turn` radians of the densest."""
     owner = groups(particles.poses, reach, turn)
     centre = moments(particles, owner == np.argmax(np.bincount(owner, particles.weights)))
     for _ in range(2):
@@ -151,9 +138,7 @@ def heaviest(particles: ParticleSet, reach: float, turn: float) -> Cluster:
 
 
 def moments(particles: ParticleSet, chosen: npt.NDArray[np.bool_]) -> Cluster:
-    """Return mean and covariance of the chosen guesses, at least one; headings are averaged on the
-    circle.
-    """
+    """Return the chosen particles' mean and covariance; headings average on the circle."""
     poses, weights = particles.poses[chosen], particles.weights[chosen]
     share = float(weights.sum())
     weights = weights / share if share > 0.0 else np.full(len(weights), 1.0 / len(weights))

@@ -8,15 +8,12 @@ from robots.world.sensing import Estimate, LaserScan
 
 
 class ReportedLocalizer:
-    """As `localizer.Localizer`: whoever asks for the pose need not know whose it is. Nobody tells
-    this one where the robot stands.
-    """
+    """As `localizer.Localizer`, for a robot that reports its own pose."""
 
     def __init__(self) -> None:
         self._pose: Pose | None = None
 
     def report(self, pose: Pose | None) -> None:
-        """Take the pose of this moment, in the map."""
         self._pose = pose
 
     def set_pose(self, pose: Pose2D, spread: float = 0.5, turn: float = math.radians(20.0)) -> None:

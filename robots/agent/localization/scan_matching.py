@@ -3,7 +3,7 @@ distance, many poses at once.
 
 The residual of a beam is the distance from its end to the nearest surface; what ends far from every
 surface is pulled by nothing (Geman-McClure weights), so that people and chairs do not bend the fit.
-A pose comes with what was known before as a prior: along a bare corridor the laser says nothing,
+A pose comes with what was known before as a prior: along a bare corridor the laser tells nothing,
 and there the pose stays where the odometry had it.
 """
 

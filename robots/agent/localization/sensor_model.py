@@ -30,9 +30,7 @@ MERIT = MeritParams()
 
 @dataclass(frozen=True)
 class SensorModel:
-    """How likely a beam is at a pose. Neighbouring beams err together, so that a sweep counts as
-    `log_likelihood_scale` beams however many it has.
-    """
+    """Likelihood of beams; errors correlate: a sweep counts as `log_likelihood_scale` beams."""
 
     sigma: float = 0.1  # m by which a beam may miss a surface
     floor: float = 0.05  # price of a beam that fits nothing, as a share of one that fits
@@ -43,9 +41,7 @@ class SensorModel:
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Some beams that came back, in the robot's frame: ends `points` (k, 2), origins `x`, `y` of
-    all, `angles` and `ranges` (k,).
-    """
+    """Beams in the robot's frame: ends `points` (k, 2), origin `x`, `y`, `angles`, `ranges`."""
 
     points: Floats
     x: float
@@ -55,7 +51,6 @@ class Sweep:
     reach: float
 
     def __len__(self) -> int:
-        """Return the number of beams."""
         return len(self.ranges)
 
     def thinned(self, count: int) -> "Sweep":
@@ -74,9 +69,7 @@ class Sweep:
 
 
 def sweep_of(beams: LaserScan, shortest: float) -> Sweep:
-    """Return the beams that came back from farther than `shortest` metres: nearer ones meet the
-    robot itself or a hand before it.
-    """
+    """Return beams beyond `shortest` metres; nearer ones meet the robot itself or a hand."""
     met = np.isfinite(beams.ranges)
     far = beams.ranges[met] >= shortest
     return Sweep(
@@ -90,15 +83,11 @@ def sweep_of(beams: LaserScan, shortest: float) -> Sweep:
 
 
 def placed(points: Floats, poses: Floats) -> tuple[Floats, Floats]:
-    """Return x and y (n, k) of points (k, 2) of the robot's frame as poses (n, 3) put them on the
-    map.
-    """
+    """Return x and y (n, k) of points (k, 2) in the robot's frame, placed by poses (n, 3)."""
     cosine, sine = np.cos(poses[:, 2])[:, None], np.sin(poses[:, 2])[:, None]
     spots = points.T
-    x, y = (
-        np.concatenate([cosine, -sine], axis=1) @ spots,
-        np.concatenate([sine, cosine], axis=1) @ spots,
-    )
+    x = np.concatenate([cosine, -sine], axis=1) @ spots
+    y = np.concatenate([sine, cosine], axis=1) @ spots
     x += poses[:, :1]
     y += poses[:, 1:2]
     return x, y
@@ -113,9 +102,7 @@ class LikelihoodField:
     table: Floats
 
     def of(self, poses: Floats, sweep: Sweep) -> Floats:
-        """Return the log-likelihood (n,) of a sweep at poses (n, 3); zero would be a sweep that
-        fits wholly.
-        """
+        """Return a sweep's log-likelihood (n,) at poses (n, 3); zero is a perfect fit."""
         if not len(sweep):
             return np.zeros(len(poses))
         found = self.field.look_up(self.table, *placed(sweep.points, poses))
@@ -138,9 +125,7 @@ def likelihood_field(
 
 @dataclass(frozen=True)
 class Agreement:
-    """Shares of a sweep's beams, together one: `fits` what the map promises, `short` of it,
-    `through` what stands there.
-    """
+    """Shares of beams, together one: as the map promises, `short` of it, `through` a wall."""
 
     fits: Floats
     short: Floats

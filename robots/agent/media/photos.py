@@ -25,9 +25,7 @@ class DevelopedPhoto:
 
 
 def develop(frame: Frame, largest: int = LARGEST) -> DevelopedPhoto | None:
-    """Return the frame as a JPEG of at most `largest` bytes, as good as fits; None when nothing
-    does. Takes some milliseconds.
-    """
+    """Return the best JPEG of at most `largest` bytes, None if none fits; takes milliseconds."""
     picture = video_frame(frame).reformat(format="yuvj420p")
     for quantizer in QUANTIZERS:
         jpeg = _encode(picture, quantizer)
@@ -37,9 +35,7 @@ def develop(frame: Frame, largest: int = LARGEST) -> DevelopedPhoto | None:
 
 
 def reduced(frame: Frame, width: int, height: int, quantizer: int) -> bytes:
-    """Return the frame as a JPEG of (width, height), both even; the quantizer is one of 2 (the
-    best) to 31 (the smallest).
-    """
+    """Return a JPEG of (width, height), both even; quantizer 2 (best) to 31 (smallest)."""
     picture = video_frame(frame).reformat(width=width, height=height, format="yuvj420p")
     return _encode(picture, quantizer)
 
@@ -47,11 +43,9 @@ def reduced(frame: Frame, width: int, height: int, quantizer: int) -> bytes:
 def _encode(picture: av.VideoFrame, quantizer: int) -> bytes:
     codec = VideoCodecContext.create("mjpeg", "w")
     assert isinstance(codec, VideoCodecContext)
-    codec.width, codec.height, codec.pix_fmt, codec.time_base = (
-        picture.width,
-        picture.height,
-        "yuvj420p",
-        Fraction(1, 1),
-    )
+    codec.width = picture.width
+    codec.height = picture.height
+    codec.pix_fmt = "yuvj420p"
+    codec.time_base = Fraction(1, 1)
     codec.options = {"qmin": str(quantizer), "qmax": str(quantizer), "flags": "+qscale"}
     return b"".join(bytes(packet) for packet in (*codec.encode(picture), *codec.encode(None)))

@@ -9,8 +9,7 @@ RGB, YUV = "rgb24", "yuv420p"
 
 
 def video_frame(frame: Frame) -> av.VideoFrame:
-    """Return a frame over the same memory; it holds on to the picture, which must not change
-    meanwhile.
+    """Return a frame over the same memory, which must not change while it is used.
 
     Raises:
         ValueError: the image is neither (height, width, 3) uint8 RGB nor (height * 3 / 2, width)

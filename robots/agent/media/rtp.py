@@ -22,7 +22,7 @@ LARGEST_ID, LONGEST_ELEMENT = 14, 16  # of the one-byte form of header extension
 HISTORY = 256  # packets kept for retransmission: about 1.5 s of a 1.2 Mbit/s video
 # s in which a packet is not sent a second time; what it took to get there is not known here
 ASKED_AGAIN = 0.08
-# of what is sent, and octets, that are sent again in a second
+# share of the sent octets, and octets, that are sent again in a second
 AGAIN_SHARE, LEAST_AGAIN = 0.15, 4_000
 COPIED, MOST_COPIES = 16, 24  # of the newest packets, and how many copies go out at once
 
@@ -35,13 +35,11 @@ _TOLERANCE = 0.001  # s
 
 # ticks from the last of one source to the first of the next
 STEP: dict[Kind, int] = {"audio": 960, "video": 3000}
-ROUND = 1 << 32  # ticks after which a timestamp begins anew
+ROUND = 1 << 32  # ticks after which a timestamp wraps
 
 
 class Continuous:
-    """One growing count of RTP ticks out of those of several sources, each of which begins
-    anywhere.
-    """
+    """One growing count of RTP ticks from several sources, each of which begins anywhere."""
 
     def __init__(self, step: int) -> None:
         self._step, self._source, self._offset, self._last = step, "", 0, 0
@@ -70,9 +68,7 @@ class RtpClock:
         self._stamp: float | None = None
 
     def tick(self, stamp: float) -> int:
-        """Return the ticks (1/rate s, from 0, strictly growing) of a picture captured at `stamp`,
-        Unix time in seconds.
-        """
+        """Return the ticks (1/rate s, from 0, growing) of a frame captured at `stamp`, Unix s."""
         if self._stamp is not None:
             step = stamp - self._stamp
             self._ticks += max(
@@ -87,32 +83,30 @@ class RtpClock:
 
 
 class ClockTeller:
-    """Decides when a page must be told again how RTP timestamps and capture stamps correspond.
+    """Decides when a page gets the relation of RTP timestamps and capture stamps.
 
-    Once a second, because the data channel may lose a message, and at once when a picture does not
-    fit what was told last.
+    Once a second, because the data channel may lose a message, and at once when a frame does not
+    fit the last one.
     """
 
     def __init__(self) -> None:
-        self._told: MediaClock | None = None
-        self._told_at = 0.0
+        self._sent: MediaClock | None = None
+        self._sent_at = 0.0
 
     def tell(self, rtp: int, stamp: float, now: float) -> MediaClock | None:
-        """Return the message to send before the picture (rtp, stamp), or None;
-        `now` is monotonic.
-        """
+        """Return the message to send before the frame (rtp, stamp), or None."""
         if (
-            self._told is not None
-            and now - self._told_at < _TELL_EVERY
-            and abs(capture_stamp(self._told, rtp) - stamp) < _TOLERANCE
+            self._sent is not None
+            and now - self._sent_at < _TELL_EVERY
+            and abs(capture_stamp(self._sent, rtp) - stamp) < _TOLERANCE
         ):
             return None
-        self._told, self._told_at = MediaClock(rtp=rtp, stamp=stamp, rate=VIDEO_RATE), now
-        return self._told
+        self._sent, self._sent_at = MediaClock(rtp=rtp, stamp=stamp, rate=VIDEO_RATE), now
+        return self._sent
 
     def forget(self) -> None:
-        """Tell again with the next picture: there is a new channel."""
-        self._told = None
+        """Send it again with the next frame: there is a new channel."""
+        self._sent = None
 
 
 def capture_stamp(clock: MediaClock, rtp: int) -> float:
@@ -143,9 +137,7 @@ def ntp_time(unix: float) -> int:
 
 @dataclass(frozen=True)
 class ExtensionIds:
-    """The header extensions that an offer and its answer agreed on, ids 1 to 14; None is not
-    agreed.
-    """
+    """The header extensions agreed on, ids 1 to 14, None where not agreed."""
 
     mid: int | None = None
     abs_send_time: int | None = None
@@ -205,16 +197,14 @@ class RtpStream:
         in seconds.
 
         After a `key` frame nothing from before it is sent again: the page does not need it, and
-        asks for it all the same.
+        still asks for it.
         """
         if key:
             self._history.clear()
             self._asked.clear()
         if not 0.0 <= now - self._second[0] < 1.0:
-            self._octets_a_second, self._second = (
-                float(self.octets_sent - self._second[1]),
-                (now, self.octets_sent),
-            )
+            self._octets_a_second = float(self.octets_sent - self._second[1])
+            self._second = (now, self.octets_sent)
         extension = self._timed_extension(now)
         packets = []
         for position, payload in enumerate(payloads, start=1):
@@ -267,9 +257,7 @@ class RtpStream:
         return header + extension + struct.pack("!H", sequence) + payload
 
     def again(self, octets: int, now: float) -> list[bytes]:
-        """Return copies of the newest packets, up to this many octets of payload; none where the
-        page takes no stream of copies.
-        """
+        """Return copies of the newest packets, up to `octets`; none without an RTX stream."""
         if self.rtx_payload_type is None:
             return []
         copies: list[bytes] = []
@@ -291,9 +279,7 @@ class RtpStream:
         return struct.pack("!BBHLL", first, marker << 7 | payload_type, sequence, timestamp, ssrc)
 
     def _timed_extension(self, now: float) -> bytes:
-        """Return the extension block with abs-send-time (6.18 fixed point seconds), when that was
-        agreed.
-        """
+        """Return the extensions with abs-send-time (6.18 fixed point seconds), if agreed."""
         if not self.timed:
             return self.extension
         return self.extension[:-3] + (ntp_time(now) >> 14 & 0xFFFFFF).to_bytes(3, "big")

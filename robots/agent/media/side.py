@@ -114,7 +114,7 @@ class MediaSide:
         elif audio is not None:
             self._microphone = MicrophoneFeed(audio, self._sound_from_microphone)
         self._on_picture = on_picture
-        self._line: TimedLine | None = None  # what is put on the driver's picture and sound
+        self._line: TimedLine | None = None  # the lab's line for the driver's video and sound
         self._slow = (
             JpegFallback(self._camera.snapshot, self._send_slow, self._pages.drives)
             if self._camera and on_picture
@@ -122,7 +122,7 @@ class MediaSide:
         )
         self._outputs = OutputFeed(*outputs) if any(outputs) else None
         pages = self._pages
-        self._visitor = VisitorMedia(
+        self.visitor = VisitorMedia(
             drives=pages.drives,
             ask=pages.ask_driver,
             show=pages.show_at_robot,
@@ -143,9 +143,7 @@ class MediaSide:
         self._ready.wait()
 
     def close(self) -> None:
-        """Say goodbye to every page, stop camera and microphone, end the thread; waits at most some
-        seconds. Idempotent.
-        """
+        """Say goodbye to every page and end the thread within seconds; idempotent."""
         self._calls.post(self._set_closing, most=math.inf)
         if self._slow is not None:
             self._slow.close()
@@ -159,25 +157,19 @@ class MediaSide:
         self._calls.post(self._pages.take_signal, peer, message)
 
     def lease_changed(self, driver_peer: str | None) -> None:
-        """Say which peer the lease names; every other one is an observer from now on, None means
-        that nobody drives.
-        """
+        """Note which peer the lease names; None without a driver."""
         # At once and not through the loop: the next frame of the old driver must already come as an
         # observer's.
         self._pages.lease_changed(driver_peer)
         self._calls.post(self._lead, most=math.inf)
 
     def impair(self, lab: NetworkLab | None) -> None:
-        """Put this on the driver's picture and sound from now on, or nothing; nobody else's are
-        touched.
-        """
+        """Put this on the driver's video and sound from now on, None for nothing."""
         self._calls.post(self._put_on, lab, most=math.inf)
 
     def let_through(self, *, audio: bool, video: bool, volume: float = 1.0) -> None:
-        """Let the driver's voice and face through to the people at the robot from now on, or not;
-        `volume` is a share of the robot's own.
-        """
-        self._visitor.let_through(audio=audio, video=video, volume=volume)
+        """Let the driver's voice and face through, or not; `volume` is a share of the robot's."""
+        self.visitor.let_through(audio=audio, video=video, volume=volume)
 
     def telemetry(self, suffix: str, message: Message) -> None:
         """Send a message to every page that is connected; dropped for a page that is behind."""
@@ -189,42 +181,31 @@ class MediaSide:
             self._calls.post(self._pages.send, suffix, encode_frame(suffix, for_page(message)))
 
     def point(self, pointer: Pointer) -> None:
-        """Send where one side points to the other alone: the driver's page, or the robot's own
-        displays; dropped for a page that is behind.
-        """
+        """Send a pointer to the other side alone; dropped for a page that is behind."""
         if not self._pages.is_empty:
             self._calls.post(self._pages.point, pointer.by, encode_frame("pointer", pointer))
 
     def picture_wanted(self, request: PictureRequest) -> None:
-        """Send one more picture through the server, for a page that WebRTC does not reach; nothing
-        happens without a camera.
-        """
+        """Send one more JPEG through the server; nothing happens without a camera."""
         if self._slow is not None:
             self._slow.ask(request.peer, request)
 
     def snapshot(self) -> Frame | None:
-        """Return a fresh frame of the camera, started for it if need be; None when there is none.
-        Blocks up to 3 s.
-        """
+        """Return a fresh frame, None without a camera; blocks as `CameraFeed.snapshot`."""
         return self._camera.snapshot() if self._camera else None
 
     @property
     def connected(self) -> int:
-        """Return how many people watch: on pages that are connected or are sent pictures through
-        the server, and through an SFU.
-        """
+        """Return how many people watch: over WebRTC, the JPEG fallback and an SFU."""
         return self._pages.viewers(self._slow.watching() if self._slow is not None else frozenset())
 
     @property
     def screens(self) -> int:
-        """Return how many of the robot's own displays are connected."""
         return self._pages.screens
 
     @property
     def audible(self) -> bool:
-        """Return whether a knock may be heard at the robot: a display is connected, or it has a
-        loudspeaker of its own.
-        """
+        """Return whether a knock is audible: at a connected display, or a loudspeaker."""
         return self.screens > 0 or (self._outputs is not None and self._outputs.has_speaker)
 
     def ring(self) -> None:
@@ -233,20 +214,12 @@ class MediaSide:
             self._outputs.ring()
 
     @property
-    def visitor_counts(self) -> dict[str, int]:
-        """Return what came of the visitor's media: sounds and pictures let through, and what was
-        not, by reason.
-        """
-        return dict(self._visitor.counts)
-
-    @property
     def camera(self) -> CaptureState | None:
-        """Return how the camera is, None when the robot has none."""
         return self._camera.state if self._camera else None
 
     @property
     def camera_status(self) -> CameraStatus | None:
-        """Return what pages are told of the camera: nothing while it works or nobody wants it."""
+        """Return the camera's status for pages, None while it works or is not in use."""
         state = self.camera
         if state is None or state.status not in {"starting", "failed"}:
             return None
@@ -270,19 +243,15 @@ class MediaSide:
 
     @property
     def microphone(self) -> CaptureState | None:
-        """Return how the microphone is, None when the robot has none."""
         return self._microphone.state if self._microphone else None
 
     @property
     def network(self) -> LabReport | None:
-        """Return what is put on the driver's picture and sound, and what became of their packets;
-        None while nothing is.
-        """
+        """Return the lab's report on the driver's video and sound, None without a lab."""
         line = self._line
         return line.report() if line is not None else None
 
     def statistics(self) -> dict[str, dict[str, int | None]]:
-        """Return counts for each peer: see `Viewer.statistics`."""
         return self._pages.statistics()
 
     # --- the thread -------------------------------------------------------------------------------
@@ -328,14 +297,12 @@ class MediaSide:
     def _viewer_for(
         self, peer: str, role: Role, source: str, on_end: Callable[[str], None]
     ) -> Viewer:
-        """Return the connection of a page: displays see and hear the visitor, everybody else the
-        robot.
-        """
+        """Return a page's connection: displays get the visitor's media, others the robot's."""
         is_screen = role == "screen"
         return Viewer(
             peer,
-            camera=self._visitor if is_screen else self._camera,
-            microphone=self._visitor if is_screen else self._microphone,
+            camera=self.visitor if is_screen else self._camera,
+            microphone=self.visitor if is_screen else self._microphone,
             on_command=lambda heard: self._on_command(peer, self._pages.role(peer), heard),
             on_end=on_end,
             on_media=self._listener_to(peer, source, role),
@@ -346,7 +313,7 @@ class MediaSide:
         self, peer: str, source: str, role: Role
     ) -> Callable[[Kind, bytes, int], None] | None:
         if role == "driver":
-            return functools.partial(self._visitor.take, peer, source)
+            return functools.partial(self.visitor.take, peer, source)
         gives = isinstance(self._camera, PageCamera) or isinstance(self._microphone, PageMicrophone)
         return (
             functools.partial(self._take_from_page, source) if role == "screen" and gives else None
@@ -384,8 +351,7 @@ class MediaSide:
         if self._line is None:
             self._on_picture(payload, None)
             return
-        # Each gets a copy of their own, so that the driver's can be lost or late and nobody else's
-        # is.
+        # Each gets a copy of their own, so that only the driver's is lost or late.
         for peer in sorted(peers):
             if self._pages.drives(peer):
                 self._calls.post(self._send_slow_to_driver, payload, peer, most=MOST_FRAMES)

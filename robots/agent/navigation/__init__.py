@@ -1,3 +1,1 @@
-"""How the robot gets somewhere, and how it helps whoever drives. Pure; no clock and no thread of
-its own.
-"""
+"""How the robot gets somewhere. Pure; no clock and no thread of its own."""

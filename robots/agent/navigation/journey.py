@@ -1,9 +1,7 @@
-"""Getting to places: plan, follow, plan again when something stands in the way, wait when there is
-no way, and say why at last.
+"""Getting to places: plan, follow, replan when blocked, wait without a way, and report why at last.
 
-Waiting is for people and for doors: while no way is known, or somebody walks before the robot, it
-stands and looks. What stands too close to move is got away from by backing off a little, where that
-is free.
+The robot waits for people and for doors: while no way is known, or a person walks before it, it
+stops and looks. It backs off a little from obstacles that are too close, where that is free.
 """
 
 import math
@@ -36,8 +34,8 @@ class JourneyParams:
     shorter_by: float = 0.5  # m that a shorter route must save
     off_path: float = 0.4  # m beside the route, from which a new one is planned
     patience: float = 30.0  # s without a route until the action fails
-    patience_with_people: float = 90.0  # s, the same with somebody close before the robot
-    # s after which a place beside a goal that something stands on will do
+    patience_with_people: float = 90.0  # s, the same with a person close before the robot
+    # s after which a place beside an occupied goal will do
     beside_after: float = 5.0
     closer_looks: int = 6  # at what was seen in the way from afar
     retry_every: float = 1.0  # s between two searches for a route
@@ -50,7 +48,7 @@ class JourneyParams:
     back_offs: int = 4  # without getting a metre farther
     escape_turn_rates: tuple[float, ...] = (0.0, 0.3, -0.3)  # rad/s, tried in this order
     escape_gain: float = 0.01  # m by which another way out must be better
-    give_way_after: float = 5.0  # s face to face with somebody
+    give_way_after: float = 5.0  # s face to face with a person
     give_way: float = 0.4  # m to back off from them
     give_way_within: float = 0.6  # m: they are close
     no_progress: float = 40.0  # s without getting `farther`
@@ -81,9 +79,7 @@ class _Back:
 
 
 class Journey:
-    """The way over some points (n, 2), in order, to the last of them; all must be places where the
-    map lets the robot stand.
-    """
+    """The way over points (n, 2), all of which the map leaves free, to the last of them."""
 
     def __init__(
         self,
@@ -126,7 +122,6 @@ class Journey:
         self._begun: float | None = None
 
     def step(self, sense: Sense) -> NavigationStep:
-        """Return what to do now."""
         self._begun = sense.now if self._begun is None else self._begun
         if self._back is not None:
             return self._back_off(sense, self._back)
@@ -151,9 +146,7 @@ class Journey:
     # --- the way ----------------------------------------------------------------------------------
 
     def _choose_way(self, sense: Sense) -> None:
-        """Plan when there is no way yet, when it is blocked or left, and look now and then for a
-        shorter one.
-        """
+        """Plan when there is no way, or it is blocked or left; sometimes look for a shorter."""
         params = self._params
         now = sense.now
         if self._path is None:
@@ -178,9 +171,7 @@ class Journey:
                 self._take(found)
 
     def _way(self, sense: Sense) -> _Way | None:
-        """Return a way over the points that are left; where none is known, one to a closer look at
-        what is in the way.
-        """
+        """Return a way over the points left; without one, a way to a closer look."""
         self._planned_in = self._obstacle_map.clearance(sense.now)
         found = self._through(sense, self._planned_in)
         if found is None and self._closer_looks < self._params.closer_looks:
@@ -189,16 +180,12 @@ class Journey:
         return found
 
     def _through(self, sense: Sense, clearance: Floats) -> _Way | None:
-        """Return a way through `clearance`, without those points in between that something stands
-        on.
-        """
+        """Return a way through `clearance`, without intermediate points that are occupied."""
         here = (sense.pose.x, sense.pose.y)
-        legs, over, ways, driven = (
-            [np.array([here])],
-            list[tuple[float, float]](),
-            list[float](),
-            0.0,
-        )
+        legs = [np.array([here])]
+        over = list[tuple[float, float]]()
+        ways = list[float]()
+        driven = 0.0
         for number, point in enumerate(self._over, start=1):
             leg = self._leg(here, point, clearance)
             if leg is None and number == len(self._over):
@@ -274,25 +261,18 @@ class Journey:
         )
 
     def _moved_on(self, sense: Sense, held: Sense) -> bool:
-        """Tell whether the robot has come away from where it was held: it may creep in between, a
-        finger's breadth at a time.
-        """
+        """Tell whether the robot got away from where it was held; creeping does not count."""
         params = self._params
         turned = abs(wrap_angle(sense.odometry.theta - held.odometry.theta))
         return sense.odometry.distance(held.odometry) > params.crept or turned > params.crept_turn
 
     def _give_way(self, sense: Sense) -> None:
-        """Back off from somebody who stands before the robot and may want to pass, now and then."""
+        """Back off from a person before the robot who may want to pass, now and then."""
         params = self._params
         if sense.now - self._gave_way >= params.give_way_after and self._face_to_face(sense):
-            self._back, self._gave_way = (
-                _Back(
-                    sense,
-                    params.give_way,
-                    Velocity(linear=-params.back_speed, angular=0.0),
-                ),
-                sense.now,
-            )
+            backward = Velocity(linear=-params.back_speed, angular=0.0)
+            self._back = _Back(sense, params.give_way, backward)
+            self._gave_way = sense.now
 
     def _face_to_face(self, sense: Sense) -> bool:
         others = np.vstack([sense.hazards.strangers, sense.hazards.walkers])
@@ -303,7 +283,7 @@ class Journey:
         )
 
     def _way_out(self, sense: Sense) -> Velocity:
-        """Return the slow motion, back if possible, that leads away from what is near."""
+        """Return the slow motion, back if possible, away from near obstacles."""
         params = self._params
         backward = Velocity(linear=-params.back_speed, angular=0.0)
         best, most = backward, -math.inf
@@ -344,7 +324,7 @@ class Journey:
         )
 
     def _aim_beside(self, now: float) -> None:
-        """Aim for the nearest free place when something stands on the goal."""
+        """Aim for the nearest free place when the goal is occupied."""
         beside = self._planner.place_near(
             *self._over[-1], self._obstacle_map.clearance(now), PLANNER.goal_reach - self._beside
         )

@@ -84,44 +84,16 @@ class Navigator:
         self._recent = RecentSweeps(self._costmap.circumscribed)
         self._last = NavigationStep(None, "FINISHED")
         self._asked = ZERO
-        self._now = 0.0
         self._lost_since: float | None = None
         self._began: float | None = None
-
-    @property
-    def busy(self) -> bool:
-        """Tell whether a task is going on."""
-        return self._task is not None
-
-    @property
-    def closed_doors(self) -> tuple[str, ...]:
-        """The names of the doors that were seen closed."""
-        return tuple(door.name for door in self._obstacle_map.doors.closed(self._now))
 
     # --- tasks ------------------------------------------------------------------------------------
 
     def goto(self, x: float, y: float, theta: float | None = None) -> None:
-        """Go to a point, to end with a heading or with any.
-
-        Raises:
-            NoWayError: nothing stands free there.
-        """
+        """Go to a point, with a final heading or any; raises NoWayError when it is not free."""
         if theta is not None and not math.isfinite(theta):
             raise NoWayError("the heading of the goal is not a number")
         self._begin(self._journey([self._planner.goal(x, y)], theta))
-
-    def goto_place(self, name: str) -> None:
-        """Go to a named place of the plan.
-
-        Raises:
-            NoWayError: the plan knows no such place, or nothing stands free there.
-        """
-        place = next(
-            (place for place in (self.plan.places if self.plan else ()) if place.name == name), None
-        )
-        if place is None:
-            raise NoWayError(f"the plan has no place {name!r}")
-        self.goto(place.x, place.y, place.theta)
 
     def follow(self, points: Sequence[tuple[float, float]]) -> None:
         """Drive along a drawn line to its end; where it leads through things, round them.
@@ -138,11 +110,7 @@ class Navigator:
         self._begin(self._journey([*((float(x), float(y)) for x, y in drawn[fits]), end], None))
 
     def dock(self) -> None:
-        """Go to the robot's charging station and into it.
-
-        Raises:
-            NoWayError: there is none on the plan, or no room before it.
-        """
+        """Go into the robot's charging station; NoWayError without one, or without room."""
         dock = self.plan.dock_of(self.series) if self.plan else None
         if dock is None:
             raise NoWayError(f"no charging station for {self.series} is known")
@@ -159,9 +127,7 @@ class Navigator:
             self._last = NavigationStep(None, "FAILED", "cancelled")
 
     def forget(self) -> None:
-        """Forget what was seen that is not on the map: the robot has been carried away, or was
-        given another pose.
-        """
+        """Forget what is not on the map: the robot was carried, or got another pose."""
         self._obstacle_map.forget()
 
     # --- steps ------------------------------------------------------------------------------------
@@ -189,7 +155,6 @@ class Navigator:
             charger_contact: the contacts of the charging station meet.
             now: seconds.
         """
-        self._now = now
         self._pose_buffer.take(now, odometry, estimate)
         if beams is not None and (self._beams is None or beams.stamp > self._beams.stamp):
             self._beams = beams
@@ -230,7 +195,7 @@ class Navigator:
         return NavigationStep(None if standing else ZERO, self._last.status, self._last.reason)
 
     def _halted(self, estimate: Estimate, odometry: Pose2D, now: float) -> NavigationStep | None:
-        """Return why the robot must stand now, whatever it is doing; None when nothing is amiss."""
+        """Return why the robot must stop now; None when all is well."""
         assert self._began is not None
         seen = (
             self._beams.stamp
@@ -273,10 +238,8 @@ class Navigator:
         if charger_contact and isinstance(self._task, Journey) and self._then is None:
             # the journey turns as its way asks for
             self._then, self._task = self._task, self._undocking(about=False)
-        pose, beams_from = (
-            self._pose_buffer.pose(),
-            self._pose_buffer.odometry_at(self._beams.stamp),
-        )
+        pose = self._pose_buffer.pose()
+        beams_from = self._pose_buffer.odometry_at(self._beams.stamp)
         hazards = self._hazards(odometry, beams_from, points, now)
         return self._task.step(
             Sense(now, pose, odometry, velocity, hazards, self._beams, beams_from, charger_contact)
@@ -306,7 +269,7 @@ class Navigator:
         self._lost_obstacles.take(beams.stamp, odometry, self._walkers)
 
     def _take(self, step: NavigationStep) -> NavigationStep:
-        """Note how a step ended; what comes after an undocking is begun."""
+        """Note how a step ended; after an undocking, begin the journey."""
         self._asked = step.velocity or ZERO
         if step.status == "FINISHED" and self._then is not None:
             self._task, self._then = self._then, None

@@ -11,9 +11,7 @@ KEPT = 60  # odometry readings
 
 @dataclass
 class PoseBuffer:
-    """Odometry readings with their times, and where their frame lies on the map. All times are of
-    one clock, in seconds.
-    """
+    """Odometry readings and their frame's pose on the map; times of one clock, in seconds."""
 
     _readings: deque[tuple[float, Pose2D]] = field(default_factory=lambda: deque(maxlen=KEPT))
     _map_from_odometry: Pose2D = CENTRE
@@ -33,13 +31,10 @@ class PoseBuffer:
         return self._map_from_odometry.compose(self._readings[-1][1])
 
     def on_map(self, odometry: Pose2D) -> Pose2D:
-        """Return the pose on the map that belongs to an odometry pose."""
         return self._map_from_odometry.compose(odometry)
 
     def odometry_at(self, stamp: float) -> Pose2D:
-        """Return the odometry at a time, between the readings before and after it; the nearest one
-        outside of what is kept.
-        """
+        """Return the odometry at a time, interpolated; outside of what is kept, the nearest."""
         later_time, later = self._readings[-1]
         if stamp >= later_time:
             return later
@@ -47,10 +42,8 @@ class PoseBuffer:
             if time <= stamp:
                 share = (stamp - time) / (later_time - time) if later_time > time else 0.0
                 turn = wrap_angle(later.theta - reading.theta)
-                x, y = (
-                    reading.x + share * (later.x - reading.x),
-                    reading.y + share * (later.y - reading.y),
-                )
+                x = reading.x + share * (later.x - reading.x)
+                y = reading.y + share * (later.y - reading.y)
                 return Pose2D(x, y, wrap_angle(reading.theta + share * turn))
             later_time, later = time, reading
         return later

@@ -10,9 +10,7 @@ ASKED = 0.03  # m/s or rad/s that must move a base
 
 
 class WheelWatch:
-    """Tells when a base has been asked to move for `IN_VAIN` seconds and its odometry has not
-    changed.
-    """
+    """Tells when a base was asked to move for `IN_VAIN` s without a change of odometry."""
 
     def __init__(self) -> None:
         self._from: Pose2D | None = None

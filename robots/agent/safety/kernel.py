@@ -31,9 +31,9 @@ The rules, in the order in which they apply:
   it sends zeros until the robot is measured at rest, and for as long as the RCA has not confirmed
   the end of an action.
 - The RCA's own navigation begins when the robot is at rest. It ends when it drives faster than the
-  limits in force. However it ends, the robot is braked from its measured speed, and nobody drives
-  before it is at rest. Navigation that runs in the agent, or whose velocities pass through it,
-  gets what the limits leave of them.
+  limits in force. However it ends, the robot is braked from its measured speed, and no velocity
+  is accepted before it is at rest. Navigation that runs in the agent, or whose velocities pass
+  through it, gets what the limits leave of them.
 - A robot that is measured moving while nothing may move it is braked again, for as long as it
   moves, and the kernel reports it (`moves_despite_stop`).
 - A contact stops the robot. Nothing moves it further that way before it has been backed away
@@ -47,7 +47,16 @@ from collections.abc import Collection
 from dataclasses import dataclass, field, replace
 from typing import Protocol
 
-from robots.agent.ramp import ZERO, Caps, assist_speed, caps, check_times, no_faster, ramp
+from robots.agent.ramp import (
+    ZERO,
+    Caps,
+    assist_speed,
+    caps,
+    check_times,
+    is_within,
+    no_faster,
+    ramp,
+)
 from robots.agent.safety.clock_sync import SERVER_PEER, PeerClock, PeerClocks
 from robots.agent.safety.contacts import Contacts, Side
 from robots.agent.safety.controllers import Change, Controller, after
@@ -88,7 +97,7 @@ class KernelParams:
     # s without a heartbeat, after which what the robot does by itself ends
     navigation_silence: float = 2.0
     max_step: float = 0.04  # s, two ticks: the longest time that one output may accelerate for
-    at_rest_for: float = 0.3  # s for which a robot has to be measured so
+    at_rest_for: float = 0.3  # s of measurements that show the robot at rest
     # s, the same for a robot that has moved although nothing may move it
     at_rest_after_unbidden: float = 2.0
     # s after its last velocity other than zero, from which a robot that moves is an error
@@ -128,8 +137,8 @@ class CommandVerdict:
 
 @dataclass(frozen=True)
 class Navigation:
-    """What the robot is doing by itself: an action, and since when the driver counts as heard. It
-    `may_begin` once the robot stands.
+    """What the robot does by itself: an action, ordered at `since` (monotonic seconds), from when
+    heartbeats are expected. It `may_begin` once the robot is at rest.
     """
 
     action_id: str
@@ -140,13 +149,13 @@ class Navigation:
 
 
 class Shaped(Protocol):
-    """What a shaper makes of a velocity; `own` is what of it is the driver's, from where the
-    driver's ramp goes on.
+    """The result of a shaper. `own` is the driver's part of the velocity, from which the driver's
+    ramp goes on.
     """
 
     @property
     def velocity(self) -> Velocity:
-        """What to tell the base."""
+        """The velocity for the base."""
 
     @property
     def own(self) -> Velocity:
@@ -154,15 +163,15 @@ class Shaped(Protocol):
 
 
 class Shaper(Protocol):
-    """The stage between limits and ramp: it knows what stands about the robot, and does no I/O."""
+    """The stage between limits and ramp: it knows the obstacles near the robot, and does no I/O."""
 
     def shape(self, wanted: Velocity, told: Velocity, level: AssistLevel, now: float) -> Shaped:
-        """Return what is safe of `wanted`, to a base that was last `told` so."""
+        """Return the safe part of `wanted`, for a base that was last sent `told`."""
 
 
 @dataclass
 class AssistInForce:
-    """The assistance in force and the clearance in metres that it goes by."""
+    """The assistance in force, and the clearance in metres on which its speed depends."""
 
     level: AssistLevel = "off"
     clearance: float | None = None
@@ -180,7 +189,7 @@ class Kernel:
         newest_lease: the newest grant known when the agent ended.
         monitor: shapes what a driver asks for, None on a robot that sees no obstacles, or whose
             architecture assists by itself.
-        standstill: a robot whose measured speeds (m/s and rad/s) are below these is at rest.
+        standstill: a robot whose measured speeds (m/s and rad/s) do not exceed these is at rest.
 
     Raises:
         ValueError: deadman or watchdog is too long to stop the robot soon enough.
@@ -202,9 +211,9 @@ class Kernel:
     cancelled: list[tuple[str, str]] = field(default_factory=list)
     stop_seq: int | None = None
     stop_id: str | None = None
-    driver_heard: float | None = None
-    visitor_heard: float | None = None
-    server_heard: float | None = None
+    driver_heartbeat_at: float | None = None
+    visitor_heartbeat_at: float | None = None
+    server_heartbeat_at: float | None = None
     # the RCA has not confirmed the end of an action that may move the robot
     is_end_unconfirmed: bool = False
     yields: bool = False  # another agent controls this robot
@@ -223,7 +232,7 @@ class Kernel:
         # An agent that starts in the middle of a drive does not know whether a key is held down.
         self._hold: DriveHold | None = DriveHold(None, None, float("-inf"))
         self._driven_by: Way | None = None  # the transport of the driver's last velocity
-        self._motion = ZERO  # as measured last
+        self._motion, self._measured_at = ZERO, float("-inf")  # as measured last, and when
         self._at_rest_since: float | None = None
         self._sent_zero_since: float | None = None
         self._too_fast_since: float | None = None
@@ -234,7 +243,7 @@ class Kernel:
     # --- who drives -------------------------------------------------------------------------------
 
     def take_lease(self, lease: Lease | None, *, retained: bool, now: float) -> bool:
-        """Take a lease, or None for "nobody drives"; return False when it was older than what is
+        """Take a lease, or None when no session has one; return False for one older than the newest
         known.
         """
         self._now = now
@@ -250,11 +259,11 @@ class Kernel:
     def _driver_changed(self, before: Lease | None, lease: Lease | None) -> None:
         if _grant(before) == _grant(lease):
             return
-        # A new driver starts from a robot at rest, and the last wish of the previous one is void.
+        # A new driver starts from a robot at rest; the last velocity of the previous one is void.
         self._target, self._accepted_at = ZERO, float("-inf")
-        self.driver_heard = self._driven_by = None
+        self.driver_heartbeat_at = self._driven_by = None
         if before is None or lease is None or before.peer != lease.peer:
-            self.visitor_heard = None
+            self.visitor_heartbeat_at = None
         grant = _grant(lease)
         if (
             self._hold is not None
@@ -269,17 +278,17 @@ class Kernel:
             self._cancel_navigation("stopped")
         self._change(Change.DRIVER_CHANGED)
 
-    def heard(self, peer: str, way: Way, now: float) -> None:
-        """Take a heartbeat: the driver's keeps navigation going, and shows that silence means
-        released controls; the server's keeps going what the server ordered.
+    def heartbeat(self, peer: str, way: Way, now: float) -> None:
+        """Take a heartbeat. The driver's keeps navigation going, and shows that silence means
+        released controls; the server's keeps actions going that the server ordered.
         """
         if peer == SERVER_PEER:
-            self.server_heard = now
+            self.server_heartbeat_at = now
         lease = self.leases.live(now)
         if lease is not None and lease.peer == peer:
-            self.visitor_heard = now
+            self.visitor_heartbeat_at = now
         if lease is not None and lease.driver == peer:
-            self.driver_heard = now
+            self.driver_heartbeat_at = now
             if self._hold is not None and self._hold.is_released_by(way, now):
                 self._hold = None
 
@@ -313,7 +322,7 @@ class Kernel:
             return self._refuse(fresh.reason, fresh.age)
         self._raise_floor(grant, command.seq)
         if not moving:
-            self._hold = None  # the driver has let go
+            self._hold = None  # the driver has released the controls
         if reason := self._unmoved(moving=moving):
             return self._refuse(reason, fresh.age)
         self._cancel_navigation("manual")
@@ -322,10 +331,10 @@ class Kernel:
         return CommandVerdict(None, fresh.age, self._target, fresh.scale)
 
     def tick(self, now: float, wanted: Velocity | None = None) -> Decision:
-        """Return what the base is to do now. Call at 50 Hz, and once after each accepted command or
+        """Return the output for the base. Call at 50 Hz, and once after each accepted command or
         stop.
 
-        `wanted` is what navigation wants whose velocities pass through here; without it, the RCA
+        `wanted` is the velocity of navigation that passes through the kernel; without it, the RCA
         moves the base by itself.
         """
         passed, self._now = now - self._now, now
@@ -348,8 +357,8 @@ class Kernel:
         self._sent = velocity
 
     def measured(self, velocity: Velocity, now: float) -> None:
-        """Take how the robot really moves."""
-        self._motion = velocity
+        """Take a measurement of how the robot moves."""
+        self._motion, self._measured_at = velocity, now
         if not self._moves():
             if self._at_rest_since is None:
                 self._at_rest_since = now
@@ -423,7 +432,7 @@ class Kernel:
         return "collision" if self.contacts else None
 
     def braking(self, now: float) -> str | None:
-        """Return why the base is to stand still now, or None while it is being driven."""
+        """Return why the base gets zeros now, in one word, or None while it is driven."""
         if reason := self._barred(now):
             return reason
         if self.controller is Controller.SETTLING or self.navigation:
@@ -442,12 +451,12 @@ class Kernel:
         )
 
     def visitor_silence(self, now: float) -> float | None:
-        """Return how many seconds ago the visitor was heard, who drives unless a wizard does; None
-        without a live lease.
+        """Return the seconds since the last heartbeat of the visitor, who drives unless a wizard
+        does; None without a live lease.
         """
         return (
-            now - self.visitor_heard
-            if self.visitor_heard is not None and self.leases.live(now)
+            now - self.visitor_heartbeat_at
+            if self.visitor_heartbeat_at is not None and self.leases.live(now)
             else None
         )
 
@@ -469,8 +478,8 @@ class Kernel:
     # --- stop -------------------------------------------------------------------------------------
 
     def stop(self, action: Stop, sender: CommandSender, now: float) -> bool:
-        """Brake. Return False when it only repeats a stop that was obeyed, and the driver has gone
-        on since.
+        """Brake. Return False for a repetition of a stop that was obeyed, after which the driver
+        has gone on.
         """
         lease = self.leases.live(now)
         own = (
@@ -499,8 +508,8 @@ class Kernel:
         self._halt("stopped", now)
 
     def estop(self, action: EStop, sender: CommandSender, *, now: float, unix: float) -> bool:
-        """Brake, and latch for whoever is answerable: one that only watches stops. Return False
-        when it only repeats one that was obeyed.
+        """Brake, and latch if the sender is responsible for the robot; an observer's e-stop is a
+        stop. Return False for a repetition of one that was obeyed.
         """
         lease = self.leases.live(now)
         role = role_of(action, sender, lease)
@@ -527,7 +536,7 @@ class Kernel:
         return newly
 
     def set_fault(self, reason: str) -> None:
-        """The base cannot be reached, or must not be: nothing moves it until `clear_fault`."""
+        """Refuse all motion until `clear_fault`: the base cannot be reached, or must not move."""
         self.fault = reason
         self._cancel_navigation("fault")
         self._target = ZERO
@@ -537,6 +546,7 @@ class Kernel:
         self.fault, self._now = None, now
         self._hold_on(now)
         self._own = self._current = self._sent = self._target = ZERO
+        self._sent_zero_since = None  # the zeros before did not reach the base
         self._brake_until_rest()
         self._change(Change.DRIVER_CHANGED)
 
@@ -600,8 +610,8 @@ class Kernel:
         return CommandVerdict(reason, age)
 
     def _unmoved(self, *, moving: bool) -> str | None:
-        """Return why a valid command of the driver moves nothing; a zero lets go of a hold and
-        leaves a planner alone.
+        """Return why a valid command of the driver does not move the robot; a zero releases a hold
+        and does not interrupt navigation.
         """
         if self.latch:
             return "estop"
@@ -615,7 +625,7 @@ class Kernel:
         return self.is_stopped or self.fault is not None
 
     def _barred(self, now: float) -> str | None:
-        """Return why nobody may drive the robot now, in one word, or None."""
+        """Return why no driver may move the robot now, in one word, or None."""
         if self.latch:
             return "estop"
         if self.fault:
@@ -687,10 +697,7 @@ class Kernel:
         self._change(Change.DRIVEN)
 
     def _moves(self) -> bool:
-        return (
-            abs(self._motion.linear) > self.standstill.linear
-            or abs(self._motion.angular) > self.standstill.angular
-        )
+        return not is_within(self._motion, self.standstill)
 
     def _watch_motion(self, now: float) -> None:
         """Note since when the robot should be at rest, and whether it is."""
@@ -704,7 +711,7 @@ class Kernel:
         if self._sent_zero_since is None or (self.is_at_rest and not self._moves()):
             self._sent_zero_since = now
         needed = KERNEL.at_rest_after_unbidden if self._moved_unbidden else KERNEL.at_rest_for
-        if self._at_rest_since is not None and now - self._at_rest_since >= needed:
+        if self._at_rest_since is not None and self._measured_at - self._at_rest_since >= needed:
             self._moved_unbidden = False
             self._change(Change.AT_REST)
         if self.is_at_rest and self.navigation and not self.is_end_unconfirmed:
@@ -723,10 +730,10 @@ class Kernel:
         running = self.navigation
         if running is None:
             return
-        heard = self.server_heard if running.ordered_by_server else self.driver_heard
+        last = self.server_heartbeat_at if running.ordered_by_server else self.driver_heartbeat_at
         if not running.ordered_by_server and self.leases.live(now) is None:
             self._cancel_navigation("no_lease")
-        elif now - max(running.since, heard or running.since) >= KERNEL.navigation_silence:
+        elif now - max(running.since, last or running.since) >= KERNEL.navigation_silence:
             self._cancel_navigation("heartbeat_lost")
         elif self.controller is Controller.RCA and self._drives_too_fast(now):
             self._cancel_navigation("too_fast")
@@ -744,10 +751,11 @@ class Kernel:
         """Tell whether the RCA has driven the robot faster than the limits for too long."""
         caps, motion = self.caps(now), self._motion
         forward = caps.linear if motion.linear > 0.0 else caps.reverse
-        within = abs(motion.linear) <= max(
-            KERNEL.overspeed * forward, self.standstill.linear
-        ) and abs(motion.angular) <= max(KERNEL.overspeed * caps.angular, self.standstill.angular)
-        if within:
+        largest = Velocity(
+            linear=max(KERNEL.overspeed * forward, self.standstill.linear),
+            angular=max(KERNEL.overspeed * caps.angular, self.standstill.angular),
+        )
+        if is_within(motion, largest):
             self._too_fast_since = None
         elif self._too_fast_since is None:
             self._too_fast_since = now

@@ -31,7 +31,6 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 def parser() -> argparse.ArgumentParser:
-    """Return the words of the command line."""
     words = argparse.ArgumentParser(
         prog="python -m robots.agent.simulator", description="A simulated robot on a loopback port."
     )
@@ -83,11 +82,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def listen_address(text: str) -> tuple[str, int]:
-    """Return host and port.
-
-    Raises:
-        ValueError: not a loopback address: nothing here asks who is there.
-    """
+    """Return host and port; ValueError unless it is loopback: clients are not authenticated."""
     host, _, port = text.rpartition(":")
     if host not in LOOPBACK or not port.isdigit():
         raise ValueError(f"--listen takes a loopback address such as 127.0.0.1:0, not {text!r}")
@@ -95,11 +90,7 @@ def listen_address(text: str) -> tuple[str, int]:
 
 
 def moving_things(people: int, door_changes: float) -> dict[str, Any]:
-    """Return who and what moves in the site beside the robot.
-
-    Raises:
-        ValueError: a number that cannot be.
-    """
+    """Return the arguments for people and doors; raises ValueError."""
     if not 0 <= people <= MOST_PEOPLE:
         raise ValueError(f"--people takes 0 to {MOST_PEOPLE}, not {people}")
     if not 0.0 <= door_changes < math.inf:
@@ -108,11 +99,7 @@ def moving_things(people: int, door_changes: float) -> dict[str, Any]:
 
 
 def with_fps(model: RobotModel, fps: float | None) -> RobotModel:
-    """Return a model whose camera takes so many pictures a second; None leaves it as it is.
-
-    Raises:
-        ValueError: a number that cannot be.
-    """
+    """Return a model with so many frames a second, unless None; raises ValueError."""
     if fps is None:
         return model
     if not 0.0 < fps <= MOST_FPS:
@@ -121,14 +108,11 @@ def with_fps(model: RobotModel, fps: float | None) -> RobotModel:
 
 
 def announce(address: str) -> None:
-    """Print where the robot is."""
     print(json.dumps({"address": address, "pid": os.getpid()}), flush=True)
 
 
 def watch_input(loop: asyncio.AbstractEventLoop, server: Server) -> None:
-    """Tell the server when standard input is closed. In a thread, because Windows cannot wait for a
-    pipe in a loop.
-    """
+    """Tell the server when stdin closes; in a thread, since Windows cannot poll a pipe."""
 
     def read() -> None:
         # not sys.stdin: its lock would be held when the interpreter ends
@@ -154,9 +138,7 @@ async def serve(server: Server, host: str, port: int, *, tied: bool) -> None:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run a simulated robot; return 2 with one sentence when it cannot be what it
-    was asked to be.
-    """
+    """Run a simulated robot; return 2, with one sentence, when it cannot be built."""
     words = parser().parse_args(arguments)
     logging.basicConfig(
         level=logging.WARNING,

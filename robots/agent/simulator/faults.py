@@ -8,9 +8,7 @@ LaserFault = Literal["none", "silent", "nan"]
 
 
 class Faults(msgspec.Struct, frozen=True, kw_only=True):
-    """`wheels_stopped`: the motors do not turn whatever is commanded; `laser`: says nothing any
-    more, or only NaN.
-    """
+    """`wheels_stopped`: the motors do not turn; `laser`: silent, or only NaN."""
 
     wheels_stopped: bool = False
     laser: LaserFault = "none"

@@ -17,9 +17,7 @@ INAUDIBLE = 1e-6  # an effort below this is no effort
 
 
 def room_tone(rng: np.random.Generator) -> npt.NDArray[np.float32]:
-    """Return some seconds of brownish noise that end where they begin: the spectrum of a quiet room
-    falls with frequency.
-    """
+    """Return some seconds of looping brownish noise: a quiet room's spectrum falls."""
     count = RATE * ROOM_SECONDS
     frequencies = np.fft.rfftfreq(count, 1.0 / RATE)
     strength = 1.0 / np.maximum(frequencies, 60.0)
@@ -41,10 +39,8 @@ class Microphone:
 
     def block(self, effort: float) -> npt.NDArray[np.int16]:
         """Return the next 20 ms, (960,) int16; `effort` from 0, standing, to 1, full speed."""
-        before, self._effort = (
-            self._effort,
-            self._effort + SMOOTHING * (min(max(effort, 0.0), 1.0) - self._effort),
-        )
+        before = self._effort
+        self._effort += SMOOTHING * (min(max(effort, 0.0), 1.0) - self._effort)
         room = np.take(self._room, np.arange(self._at, self._at + BLOCK), mode="wrap")
         self._at = (self._at + BLOCK) % len(self._room)
         if max(before, self._effort) < INAUDIBLE:

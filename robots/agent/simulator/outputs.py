@@ -1,6 +1,4 @@
-"""The simulated robot's loudspeaker and display: they make no noise, and can say what they were
-given.
-"""
+"""The simulated robot's loudspeaker and display: they measure what they are given."""
 
 import threading
 from collections import deque
@@ -9,12 +7,12 @@ import numpy as np
 import numpy.typing as npt
 
 RATE = 48_000
-KEPT = 0.5  # s of sound that is looked at
+KEPT = 0.5  # s of sound that are measured
 FULL_SCALE = 32_768.0
 
 
 class MeasuringSpeaker:
-    """See contract.Speaker. Keeps the last half second; may be asked from any thread."""
+    """See robot_interface.Speaker. Keeps the last half second; may be asked from any thread."""
 
     def __init__(self) -> None:
         self.running = False
@@ -23,24 +21,19 @@ class MeasuringSpeaker:
         self._samples: deque[int] = deque(maxlen=int(KEPT * RATE))
 
     def start(self) -> None:
-        """Begin to play."""
         self.running = True
 
     def stop(self) -> None:
-        """Be silent."""
         self.running = False
 
     def play(self, samples: npt.NDArray[np.int16]) -> None:
-        """Take the next samples, (n,)."""
         with self._lock:
             self.played += samples.size
             self._samples.extend(samples.tolist())
 
     @property
     def level(self) -> float:
-        """The root mean square of the last half second, of full scale; 0 before
-        there is anything.
-        """
+        """The root mean square of the last half second, of full scale; 0 without sound."""
         samples = self._last()
         return float(np.sqrt(np.mean(samples**2))) if samples.size else 0.0
 
@@ -59,7 +52,7 @@ class MeasuringSpeaker:
 
 
 class MeasuringDisplay:
-    """See contract.Display. Keeps the last picture."""
+    """See robot_interface.Display. Keeps the last picture."""
 
     def __init__(self) -> None:
         self.running = False
@@ -67,16 +60,13 @@ class MeasuringDisplay:
         self._image: npt.NDArray[np.uint8] | None = None
 
     def start(self) -> None:
-        """Switch the display on."""
         self.running = True
 
     def stop(self) -> None:
-        """Switch it off."""
         self.running = False
         self._image = None
 
     def show(self, image: npt.NDArray[np.uint8]) -> None:
-        """Take the next picture, (height, width, 3) RGB."""
         self.shown += 1
         self._image = image
 

@@ -48,7 +48,6 @@ class SimulatorClient:
         self.say_bytes(framing.pack(message))
 
     def say_bytes(self, data: bytes) -> None:
-        """Send a packed message without waiting."""
         transport = self.writer.transport
         if transport.is_closing():
             return
@@ -59,14 +58,9 @@ class SimulatorClient:
 
 
 class Server:
-    """Serves one simulation.
+    """Serves one simulation; without `make_renderer` it has no camera.
 
-    Args:
-        simulation: the robot.
-        make_renderer: builds the camera's renderer, or None for a robot without pictures.
-        linger: seconds after its last driver that the process lives on; None for ever.
-        seed: of the microphone.
-        sonar: whether it has sonars, and says what they hear.
+    `linger` is how many seconds after its last driver the process lives on, None for ever.
     """
 
     def __init__(
@@ -94,11 +88,7 @@ class Server:
         self._camera: CameraThread | None = None
 
     async def run(self, host: str, port: int, announce: Callable[[str], None]) -> None:
-        """Serve until the end; `announce` gets the address.
-
-        Raises:
-            OSError: the address cannot be bound.
-        """
+        """Serve until the end; `announce` gets the address. OSError when it cannot be bound."""
         server = await asyncio.start_server(self._serve, host, port)
         try:
             self._open_camera()
@@ -112,7 +102,6 @@ class Server:
                 client.writer.transport.abort()
 
     def end(self) -> None:
-        """Ask `run` to return."""
         self._ended.set()
 
     def orphaned(self) -> None:
@@ -192,11 +181,11 @@ class Server:
 
     def _echoes(self) -> wire.Echoes:
         sounding = self.simulation.model.sonar.sounding(self._volley)
-        heard = (
+        distances = (
             distance if math.isfinite(distance) else None
             for distance in self.simulation.echoes(sounding)
         )
-        return wire.Echoes(self.playback.stamp(), tuple(zip(sounding, heard, strict=True)))
+        return wire.Echoes(self.playback.stamp(), tuple(zip(sounding, distances, strict=True)))
 
     def _sound(self) -> wire.Sound:
         if self._microphone is None:
@@ -236,11 +225,7 @@ class Server:
             self._camera.watch(watched=self._has("camera"))
 
     def _take(self, client: SimulatorClient, message: wire.ToSimulator) -> None:
-        """Do what a client asks.
-
-        Raises:
-            WireError: not for its role.
-        """
+        """Do what a client asks; raises WireError for what is not of its role."""
         self.playback.advance(time.monotonic(), time.time())
         match message:
             case wire.SimulatorHello(role) if client.role is None:

@@ -1,9 +1,10 @@
 """What a simulated robot and its clients say to each other over TCP, framed as framing.py says.
 
-A connection has one role, said in `SimulatorHello`: the driver moves the robot and hears its state,
-an observer only looks (tests and benchmarks read the truth there), an operator injects faults
-(carries the robot away, breaks it, moves doors), a camera is told of pictures in shared memory, a
-microphone gets sound. Each is a connection of its own, so that media never wait before a velocity.
+A connection has one role, given in `SimulatorHello`: the driver moves the robot and receives its
+state, an observer only looks (tests and benchmarks read the truth there), an operator injects
+faults (carries the robot away, breaks it, moves doors), a camera gets the numbers of frames in
+shared memory, a microphone gets sound. Each is a connection of its own, so that media never wait
+before a velocity.
 """
 
 import asyncio
@@ -25,8 +26,6 @@ class SimulatorMessage(Struct, frozen=True, tag=True, array_like=True):
 
 
 class SimulatorHello(SimulatorMessage, frozen=True):
-    """First word of a client."""
-
     role: Role
 
 
@@ -38,14 +37,10 @@ class DriveOrder(SimulatorMessage, frozen=True):
 
 
 class TiltTo(SimulatorMessage, frozen=True):
-    """Tilt the head to an angle."""
-
     angle: float
 
 
 class SetDoors(SimulatorMessage, frozen=True):
-    """Open and close doors by name."""
-
     doors: dict[str, DoorState]
 
 
@@ -54,9 +49,7 @@ class Shutdown(SimulatorMessage, frozen=True):
 
 
 class CarryTo(SimulatorMessage, frozen=True):
-    """An operator puts the robot somewhere else; answered with `Done`, or `RoleRefused` when
-    something stands there.
-    """
+    """Put the robot elsewhere (operator); answered with `Done`, or `RoleRefused` if blocked."""
 
     x: float
     y: float
@@ -80,8 +73,6 @@ class AskHistory(SimulatorMessage, frozen=True):
 
 
 class SimulatorWelcome(SimulatorMessage, frozen=True):
-    """Answer to `SimulatorHello`."""
-
     series: str
     map_id: str
     pid: int
@@ -120,31 +111,27 @@ class Truth(SimulatorMessage, frozen=True):
 
 
 class Ranges(SimulatorMessage, frozen=True):
-    """A laser scan: float32 metres in the byte order of the machine, `inf` where
-    nothing came back.
-    """
+    """A laser scan: float32 metres in native byte order, `inf` where nothing came back."""
 
     stamp: float
     ranges: bytes
 
 
 class Echoes(SimulatorMessage, frozen=True):
-    """What sonars have heard: which, and metres from it, None for nothing."""
+    """Echoes of sonars: which, and metres from it, None for none."""
 
     stamp: float
     echoes: tuple[tuple[int, float | None], ...]
 
 
 class History(SimulatorMessage, frozen=True):
-    """Rows of (stamp, commanded linear, commanded angular, linear, angular, x, y, theta), oldest
-    first, one every step.
-    """
+    """Rows (stamp, commanded linear, angular, linear, angular, x, y, theta), one every step."""
 
     rows: tuple[tuple[float, float, float, float, float, float, float, float], ...]
 
 
 class FrameRingOffer(SimulatorMessage, frozen=True):
-    """Where the pictures will be: a ring of slots in shared memory (see frames.py)."""
+    """Where the pictures will be: a ring of slots in shared memory (see frame_ring.py)."""
 
     name: str
     slots: int
@@ -170,9 +157,7 @@ class Done(SimulatorMessage, frozen=True):
 
 
 class RoleRefused(SimulatorMessage, frozen=True):
-    """Why something was not done; unless it was an operator's wish, the simulator closes the
-    connection.
-    """
+    """Why something was refused; the connection closes, unless to an operator."""
 
     reason: str
 
@@ -206,20 +191,10 @@ _from_simulator: msgspec.msgpack.Decoder[Any] = msgspec.msgpack.Decoder(FromSimu
 
 
 def unpack_command(body: bytes) -> Any:
-    """Return what a client said, one of `ToSimulator`.
-
-    Raises:
-        WireError: it is no message.
-    """
     return framing.unpack(_to_simulator, body)
 
 
 def unpack_answer(body: bytes) -> Any:
-    """Return what the simulator said, one of `FromSimulator`.
-
-    Raises:
-        WireError: it is no message.
-    """
     return framing.unpack(_from_simulator, body)
 
 

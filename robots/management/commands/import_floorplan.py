@@ -6,10 +6,9 @@ from argparse import ArgumentParser
 from pathlib import Path
 from typing import Any
 
-from django.conf import settings
 from django.core.management.base import BaseCommand, CommandError
 
-from robots.floorplans import FloorPlanRefusedError, keep_site, read_folder, store_floor_plan
+from robots.floorplans import FloorPlanRefusedError, import_site, read_folder
 from robots.models import FloorPlan
 
 
@@ -37,14 +36,11 @@ class Command(BaseCommand):
             else:
                 self._take(directory)
         except FloorPlanRefusedError as error:
-            raise CommandError(
-                "\n".join(
-                    (
-                        f"The site in {directory} cannot be used:",
-                        *(f"  {problem}" for problem in error.problems),
-                    )
-                )
-            ) from error
+            lines = (
+                f"The site in {directory} cannot be used:",
+                *(f"  {p}" for p in error.problems),
+            )
+            raise CommandError("\n".join(lines)) from error
         except OSError as error:
             raise CommandError(f"{error.filename}: {error.strerror}.") from error
 
@@ -53,9 +49,8 @@ class Command(BaseCommand):
         self.stdout.write(f"The site {values['name']} ({values['title']}) can be used.")
 
     def _take(self, directory: Path) -> None:
-        kept = keep_site(directory, settings.VAR_DIR / "sites")
         known = set(FloorPlan.objects.values_list("name", flat=True))
-        plan = store_floor_plan(kept)
+        plan, kept = import_site(directory)
         self.stdout.write(
             f"{'Replaced' if plan.name in known else 'Imported'} the site {plan.name}"
             f" ({plan.title})."

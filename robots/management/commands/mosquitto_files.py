@@ -88,12 +88,12 @@ class Command(BaseCommand):
 
 
 class FilesError(Exception):
-    """The files cannot be written, or the broker cannot be told; the message is one sentence."""
+    """The files cannot be written or the broker not signalled; the message is one sentence."""
 
 
 class Files:
-    """The files of one directory, and the broker to tell (None: somebody else tells it, or nobody
-    needs to).
+    """The files of one directory, and the file with the process id of the broker that is signalled
+    after a change (None: it is not).
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Files:
         self._users: dict[str, BrokerUser] | None = None
 
     def update(self, users: dict[str, BrokerUser]) -> bool:
-        """Write what is new, the permissions last, and tell the broker; False when nothing is.
+        """Write the files and signal the broker; False when they are up to date.
 
         Raises:
             FilesError: it could not be done.

@@ -1,6 +1,6 @@
-"""Charging stations proposed on a map: at a straight wall with the most room to back out, which the
-map has where the plan has it. A docked robot sees little but its station and this wall, and finds
-itself by them.
+"""Charging stations proposed on a map: at the straight wall with the most room to back out. Map and
+plan must have this wall at the same place, because a docked robot sees little but its station and
+this wall, and localizes by them.
 """
 
 import math
@@ -12,7 +12,7 @@ import numpy as np
 from robots.api.floorplan import ChargingDock, Station
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.robot_models import MODELS, RobotModel
-from robots.world.solids import Floats
+from robots.world.sensing import points_from_frame
 from robots.world.tracing.structure import Structure
 from robots.world.tracing.walls import Segment
 
@@ -26,8 +26,8 @@ class DockParams:
     depth: float = 0.12
     height: float = 0.5
     off_wall: float = 0.03  # between the station's back and the wall's face
-    way_out: float = 1.4  # straight back from the docked pose that must be free
-    clearance: float = 0.42  # on this way, to both sides
+    exit: float = 1.4  # straight back from the docked pose that must be free
+    clearance: float = 0.42  # along the exit, to both sides
     plenty: float = 1.0  # from which more clearance is of no use
     beside: float = 0.15  # along the wall beyond each side of the station
     apart: float = 1.8  # between two stations
@@ -108,9 +108,9 @@ def _clear_behind(structure: Structure, poses: list[Pose2D]) -> list[float]:
     little.
     """
     layers = structure.layers
-    back = np.arange(0.0, DOCK.way_out + DOCK.step, layers.resolution)
-    points = np.array([_applied(pose, -back, np.zeros_like(back)) for pose in poses])
-    points = points.reshape(-1, 2)
+    back = np.arange(0.0, DOCK.exit + DOCK.step, layers.resolution)
+    behind = np.column_stack([-back, np.zeros_like(back)])
+    points = np.array([points_from_frame(pose, behind) for pose in poses]).reshape(-1, 2)
     clearance = layers.values_at(structure.floor_clearance, points, 0.0)
     least = clearance.reshape(len(poses), len(back)).min(axis=1)
     rooms: list[float] = np.where(
@@ -125,7 +125,8 @@ def _has_wall(structure: Structure, poses: list[Pose2D], model: RobotModel) -> l
     half = DOCK.width / 2.0 + DOCK.beside
     aside = np.linspace(-half, half, 1 + round(2.0 * half / layers.resolution))
     ahead = np.full_like(aside, station_of(model).distance + DOCK.depth + DOCK.off_wall)
-    points = np.concatenate([_applied(pose, ahead, aside) for pose in poses])
+    face = np.column_stack([ahead, aside])
+    points = np.concatenate([points_from_frame(pose, face) for pose in poses])
     off = layers.values_at(layers.clearance(~structure.building), points, math.inf)
     near = off <= max(DOCK.off_map, layers.resolution)
     found: list[bool] = (near.reshape(len(poses), len(aside)).mean(axis=1) >= DOCK.on_map).tolist()
@@ -133,18 +134,10 @@ def _has_wall(structure: Structure, poses: list[Pose2D], model: RobotModel) -> l
 
 
 def _stands_free(structure: Structure, pose: Pose2D, model: RobotModel) -> bool:
-    """Tell whether nothing is where the station would be, up to two cells before the wall."""
+    """Tell whether the place of the station is free, up to two cells before the wall."""
     layers = structure.layers
     front = station_of(model).distance
     deep = np.arange(0.0, front + DOCK.depth - layers.resolution, layers.resolution)
     wide = np.linspace(-DOCK.width / 2.0, DOCK.width / 2.0, 9)
     x, y = (values.ravel() for values in np.meshgrid(deep, wide))
-    return bool(layers.at(layers.free, _applied(pose, x, y)).all())
-
-
-def _applied(pose: Pose2D, x: Floats, y: Floats) -> Floats:
-    """Return points (n, 2) of the outer frame that are x (n,) ahead of a pose and y (n,) to its
-    left: `Pose2D.apply` for many.
-    """
-    cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
-    return np.column_stack([pose.x + cosine * x - sine * y, pose.y + sine * x + cosine * y])
+    return bool(layers.at(layers.free, points_from_frame(pose, np.column_stack([x, y]))).all())

@@ -1,8 +1,7 @@
 """A map as tracing sees it: cells that are free or occupied, not finer than needed.
 
 Frame of everything in this package: the map's own, metres to the right and up from the lower left
-corner of the image. `to_world` of `Layers` comes last, so that a turned origin is nobody else's
-concern.
+corner of the image. Only `to_world` of `Layers`, which is applied last, considers a turned origin.
 """
 
 import math
@@ -28,7 +27,7 @@ EVERYWHERE = np.ones((3, 3), dtype=np.bool_)  # neighbours of a cell, diagonal o
 
 @dataclass(frozen=True, eq=False)
 class Layers:
-    """`free` and `occupied` (h, w), row 0 on top; what is neither is unknown.
+    """`free` and `occupied` (h, w), row 0 on top; cells that are neither are unknown.
 
     `resolution` in metres a cell, `world_from_map` the pose of the lower left corner.
     """
@@ -64,11 +63,6 @@ class Layers:
         up = (self.free.shape[0] - rows - 0.5) * self.resolution
         return np.column_stack([right, up])
 
-    def centres_of(self, mask: Bools) -> Floats:
-        """Return the centres (n, 2) of the cells of a mask (h, w)."""
-        rows, columns = mask.nonzero()
-        return self.centres(rows, columns)
-
     def at(self, mask: Bools, points: Floats) -> Bools:
         """Return a mask's values (n,) at points (n, 2), False outside of the map."""
         return self._at(mask, points, np.zeros(len(points), dtype=np.bool_))
@@ -102,8 +96,8 @@ class Layers:
 
 
 def _blocks(mask: Bools, factor: int) -> Bools:
-    """Return a mask as (h, factor, w, factor); what is missing is added on top and on the right,
-    because the origin is the lower left corner.
+    """Return a mask as (h, factor, w, factor), padded on top and on the right, because the origin
+    is the lower left corner.
     """
     high, wide = (math.ceil(side / factor) for side in mask.shape)
     padded = np.zeros((high * factor, wide * factor), dtype=np.bool_)

@@ -92,7 +92,7 @@ class _Field:
         return (cell[0] + self._reach) * self._across + cell[1] + self._reach
 
     def grown(self, seed: tuple[int, int]) -> list[tuple[int, int]]:
-        """Take cells along a line, beginning with a seed. The line is fitted anew whenever the
+        """Take cells along a line, beginning with a seed. The line is fitted again whenever the
         region has doubled.
         """
         line = (float(seed[1]), float(-seed[0]), self._angle[self._place(seed)])

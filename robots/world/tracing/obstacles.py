@@ -1,4 +1,4 @@
-"""What stands about and is no wall, as boxes and cylinders: a simulated robot must meet what is on
+"""Obstacles other than walls, as boxes and cylinders, so that the simulation has every obstacle of
 the map.
 
 A group of cells becomes the tightest rectangle along its principal axis; where that would cover
@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy
 
+from robots.api.geometry import Pose2D
+from robots.world.sensing import points_from_frame
 from robots.world.solids import Floats
 from robots.world.tracing.layers import EVERYWHERE, Bools, Layers, disc
 from robots.world.tracing.line_regions import principal_axis
@@ -28,7 +30,7 @@ class ObstacleParams:
     free_share: tuple[float, ...] = (0.12, 0.25, 0.4)  # of a box; the next where there are too many
     free_area: float = 0.06  # m² of a box, at most, however large
     closing: float = 0.15  # metres: gaps in the outline of something that stands free
-    smallest: float = 0.16  # metres: the longer side of what is not cut any more
+    smallest: float = 0.16  # metres: a group with a shorter longer side is not cut
     round_shares: tuple[float, float] = (0.65, 0.88)  # of its box that something round fills
     round_sides: float = 1.3  # longer to shorter side of something round, at most
     round_least: float = 0.2  # metres across
@@ -52,8 +54,8 @@ class Obstacle:
 
 
 def find_obstacles(structure: Structure, solid: Bools) -> list[Obstacle]:
-    """Return what stands in the rooms, the largest first: `solid` (h, w), which no wall explains,
-    and what stands free. The smallest are left out when a plan cannot hold them.
+    """Return the obstacles in the rooms, the largest first: the cells `solid` (h, w), which belong
+    to no wall, and free-standing furniture. The smallest are left out when a plan cannot hold them.
     """
     layers = structure.layers
     solid = solid | _filled(structure)
@@ -72,7 +74,7 @@ def find_obstacles(structure: Structure, solid: Bools) -> list[Obstacle]:
 
 
 def _filled(structure: Structure) -> Bools:
-    """Return furniture that stands free, with what it encloses."""
+    """Return free-standing furniture with the cells that it encloses."""
     standing = structure.layers.occupied & structure.standing
     closed = scipy.ndimage.binary_closing(
         standing, disc(structure.layers.cells_in(OBSTACLES.closing))
@@ -152,8 +154,6 @@ def _floor_in(box: Obstacle, structure: Structure) -> float:
         for side in (box.width, box.depth)
     )
     along, across = (values.ravel() for values in np.meshgrid(a, b))
-    cosine, sine = math.cos(box.direction), math.sin(box.direction)
-    points = np.column_stack(
-        [box.x + along * cosine - across * sine, box.y + along * sine + across * cosine]
-    )
+    frame = Pose2D(box.x, box.y, box.direction)
+    points = points_from_frame(frame, np.column_stack([along, across]))
     return float(layers.at(structure.floor, points).mean())

@@ -16,6 +16,9 @@ from itertools import combinations
 import numpy as np
 import scipy
 
+from robots.api.floorplan import contains
+from robots.api.geometry import Pose2D
+from robots.api.messages import Point
 from robots.world.solids import Floats
 from robots.world.tracing.layers import EVERYWHERE, Bools, Cells, Labels, Layers, disc
 from robots.world.tracing.outlines import polygon_of
@@ -23,6 +26,8 @@ from robots.world.tracing.structure import Structure
 
 MOST_ROOMS = 100  # of a plan
 MARGIN = 2  # cells by which a room reaches into its neighbours
+JOINED_CELL = 0.05  # metres, of the drawing in which two rooms of a plan are joined
+JOINED_MARGIN = 1.0  # metres around that drawing
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,7 @@ class RoomParams:
     least_width: float = 1.0  # metres, of a room
     least_area: float = 2.0  # m²
     closing: float = 0.35  # metres: niches and gaps in furniture that belong to the room
-    deepest: float = 1.0  # metres of what stands at a wall
+    deepest: float = 1.0  # metres, of furniture at a wall
     tolerance: float = 0.12  # metres that a corner of the outline may be off
     least_hole: float = 1.0  # m² of a building's part inside a room
 
@@ -61,8 +66,8 @@ def label_rooms(structure: Structure) -> Labels:
 
 
 def with_things(labels: Labels, solid: Bools, layers: Layers) -> Labels:
-    """Return labels (h, w) that reach into what stands at the walls of each room: a cabinet in a
-    corner lies in the room.
+    """Return labels (h, w) that include the furniture at the walls of each room, such as a cabinet
+    in a corner.
     """
     result = labels
     for _ in range(layers.cells_in(ROOMS.deepest)):
@@ -97,6 +102,34 @@ def filled(floor: Bools, others: Bools, layers: Layers) -> Bools:
     result: Bools = np.zeros_like(floor)
     result[part] = grown
     return result
+
+
+def joined(first: tuple[Point, ...], second: tuple[Point, ...]) -> tuple[Point, ...]:
+    """Return one polygon for two rooms of a plan and a gap of a wall's width between them: the
+    watershed divides some rooms that people would not.
+
+    Raises:
+        ValueError: they do not touch.
+    """
+    points = np.array([*first, *second])
+    low, high = points.min(axis=0) - JOINED_MARGIN, points.max(axis=0) + JOINED_MARGIN
+    wide, tall = np.ceil((high - low) / JOINED_CELL).astype(int).tolist()
+    empty = np.zeros((tall, wide), dtype=np.bool_)
+    layers = Layers(empty, empty, JOINED_CELL, Pose2D(float(low[0]), float(low[1]), 0.0))
+    rows, columns = np.nonzero(~empty)
+    centres = (layers.centres(rows, columns) + low).tolist()
+    masks = []
+    for corners in (first, second):
+        mask = empty.copy()
+        mask[rows, columns] = [contains(corners, x, y) for x, y in centres]
+        masks.append(mask)
+    both = filled(masks[0] | masks[1], empty, layers)
+    # `filled` keeps the largest part: both are in it only where they touch
+    if min(float((mask & both).sum()) / max(int(mask.sum()), 1) for mask in masks) < 0.5:
+        message = "the rooms do not touch"
+        raise ValueError(message)
+    outline = polygon_of(both, layers, ROOMS.tolerance, ROOMS.least_hole).tolist()
+    return tuple(layers.to_world((x, y)) for x, y in outline)
 
 
 def _about(mask: Bools, cells: int) -> tuple[slice, slice]:

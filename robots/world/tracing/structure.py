@@ -1,9 +1,8 @@
-"""What of a map is floor, building and furniture.
+"""Which cells of a map are floor, building and furniture.
 
-A laser looks through windows and beside people, so free cells that no robot fits into are not floor
-(the fans outside of a building). What is not floor and is surrounded by it stands free: when it is
-small it is furniture, when it is large (a block of rooms that nobody entered, a stair case) it is a
-part of the building.
+A laser looks through windows and past people, so free cells that no robot fits into are not floor
+(the fans outside of a building). An island in the floor is furniture when it is small, and a part
+of the building when it is large (a block of rooms that the robot did not enter, a stairwell).
 """
 
 from dataclasses import dataclass
@@ -18,11 +17,11 @@ from robots.world.tracing.layers import EVERYWHERE, Bools, Labels, Layers
 
 @dataclass(frozen=True)
 class StructureParams:
-    """How floor and furniture are told from the rest."""
+    """How floor and furniture are distinguished from the building."""
 
     narrowest: float = 0.28  # metres from the middle of a robot to its side, at least
-    speck: float = 0.12  # metres: the longer side of what is no larger than the leg of a chair
-    largest_furniture: float = 3.0  # metres: the longer side of what stands free and is no building
+    speck: float = 0.12  # metres: the longer side of the leg of a chair
+    largest_furniture: float = 3.0  # metres: the longer side; a larger island is building
 
 
 STRUCTURE = StructureParams()
@@ -73,7 +72,7 @@ def structure_of(layers: Layers) -> Structure:
 
 
 def _specks(layers: Layers) -> Bools:
-    """Return what is no larger than the leg of a chair and stands free: it divides no room."""
+    """Return islands no larger than the leg of a chair: they divide no room."""
     groups, _ = scipy.ndimage.label(~layers.free, EVERYWHERE)
     longest = max(2, layers.cells_in(STRUCTURE.speck))
     small = [

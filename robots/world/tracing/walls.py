@@ -8,7 +8,7 @@
    between them: a doorway stays open.
 4. Ends that nearly meet meet.
 
-What is too short or too ragged for a wall is left to `obstacles`.
+`obstacles` takes the pieces that are too short or too ragged for a wall.
 """
 
 import math
@@ -19,6 +19,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import scipy
 
+from robots.api.geometry import Pose2D
+from robots.world.sensing import points_from_frame, points_in_frame
 from robots.world.solids import Floats
 from robots.world.tracing.layers import Bools, Layers
 from robots.world.tracing.line_regions import line_regions, principal_axis
@@ -35,7 +37,7 @@ class WallParams:
     shortest: float = 0.5  # of a wall, when all pieces have been joined
     covered: float = 0.5  # share of a wall's length at which the map shows something
     inside: float = 0.4  # share of its length at which both sides are occupied: a block, no wall
-    beside: float = 0.5  # the same of one side; only of what is not long
+    beside: float = 0.5  # the same of one side; only for walls that are not long
     straightness: float = 3.5  # length to thickness of a wall, at least, unless it is long
     long: float = 1.5  # from which a wall may be as thick as it is
     turned: float = math.radians(6.0)  # to the building's own directions
@@ -72,11 +74,15 @@ class Segment:
         """The point half way."""
         return (self.start[0] + self.end[0]) / 2.0, (self.start[1] + self.end[1]) / 2.0
 
+    @property
+    def frame(self) -> Pose2D:
+        """The wall's own frame: x along it from its middle, y to its left."""
+        return Pose2D(*self.middle, self.direction)
+
     def coordinates(self, points: Floats) -> tuple[Floats, Floats]:
         """Return how far along (n,) from the middle, and how far to the left (n,), points are."""
-        cosine, sine = math.cos(self.direction), math.sin(self.direction)
-        x, y = points[:, 0] - self.middle[0], points[:, 1] - self.middle[1]
-        return cosine * x + sine * y, cosine * y - sine * x
+        along, across = points_in_frame(self.frame, points).T
+        return along, across
 
     def distances(self, points: Floats) -> Floats:
         """Return the distance (n,) of points (n, 2) from the centre line."""
@@ -122,13 +128,11 @@ def _is_block(wall: Segment, layers: Layers) -> bool:
     """Tell whether a piece runs through something solid, or is the short side of it."""
     cell = layers.resolution
     along = np.arange(-wall.length / 2.0, wall.length / 2.0, cell / 2.0)
-    cosine, sine = math.cos(wall.direction), math.sin(wall.direction)
     sides = []
     for side in (-1.0, 1.0):
-        off = side * (wall.thickness / 2.0 + cell)
-        x = wall.middle[0] + along * cosine - off * sine
-        y = wall.middle[1] + along * sine + off * cosine
-        sides.append(layers.at(layers.occupied, np.column_stack([x, y])))
+        across = np.full_like(along, side * (wall.thickness / 2.0 + cell))
+        points = points_from_frame(wall.frame, np.column_stack([along, across]))
+        sides.append(layers.at(layers.occupied, points))
     through, beside = float((sides[0] & sides[1]).mean()), max(float(s.mean()) for s in sides)
     return through > WALLS.inside or (wall.length < WALLS.long and beside > WALLS.beside)
 
@@ -242,9 +246,7 @@ def _free_share(wall: Segment, layers: Layers) -> float:
     spread = max(wall.thickness - 1.5 * cell, 0.0) / 2.0
     across = np.linspace(-spread, spread, 2 * math.ceil(spread / cell) + 1)
     a, b = (values.ravel() for values in np.meshgrid(along, across))
-    cosine, sine = math.cos(wall.direction), math.sin(wall.direction)
-    x, y = wall.middle
-    points = np.column_stack([x + a * cosine - b * sine, y + a * sine + b * cosine])
+    points = points_from_frame(wall.frame, np.column_stack([a, b]))
     return float(layers.at(layers.free, points).mean())
 
 

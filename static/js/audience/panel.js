@@ -34,7 +34,8 @@ const NOTES = new Set(["rate", "too_many", "full", "closed"]);
 export const isOffered = ({ visit, audience, room }) => {
   const role = roleOf(visit);
   return (
-    Boolean(audience?.open) &&
+    audience !== null &&
+    audience.open &&
     role !== "" &&
     (role !== "driver" || room.observers > 0 || audience.hands > 0 || audience.questions.length > 0)
   );
@@ -104,7 +105,7 @@ export const createPanel = (page) => {
   keys.closes(element("audience-panel"), () => open(false));
   element("audience-open").addEventListener("click", () => open(!isOpen));
   element("hand").addEventListener("click", () =>
-    connection.send("audience/hand", { raised: !store.get().audience.raised }),
+    connection.send("audience/hand", { raised: !store.get().audience?.raised }),
   );
   element("hands-lower").addEventListener("click", () => {
     connection.send("audience/lower", {});
@@ -174,7 +175,7 @@ const createForm = ({ element, words, connection }) => {
   const field = /** @type {HTMLInputElement} */ (element("ask-field"));
   let asked = ""; // on its way to the server
   let note = "audience.hint";
-  element("ask-form").addEventListener("submit", (event) => {
+  element("ask-form").addEventListener("submit", (/** @type {Event} */ event) => {
     event.preventDefault();
     const text = field.value.trim();
     if (text) {

@@ -1,23 +1,35 @@
-/** How a visit begins: with the room in sight, and not the wall behind the station. Pure. */
+/** A visit starts with the room in sight, and not the wall behind the station. Pure. */
 
 import { roleOf } from "../protocol/session.js";
 import { setsOut } from "./offer.js";
 
+// s for a robot that touches its contacts to report that it is docked
+export const DOCKS_WITHIN = 5;
+const AT_REST = 0.02; // m/s and rad/s
+
+/** @param {{linear: number, angular: number}} velocity */
+const isAtRest = ({ linear, angular }) => Math.max(Math.abs(linear), Math.abs(angular)) < AT_REST;
+
 /**
- * Whether the robot is to leave its station now, so that a visitor who has just arrived sees the
- * room and not the wall: yes, no, or null while that cannot be told. Once a visit, not for a
- * visitor who comes back to the same visit, and not when anybody has stopped it since it began.
+ * Whether the robot leaves its station now, so that a new visitor sees the room and not the wall:
+ * yes, no, or null while the page cannot know. Once a visit, not after a reload of the page, and
+ * not when the robot was stopped since the visit started.
  * @param {import("../drive/features.js").State} state
+ * @param {number} now
  * @returns {boolean | null}
  */
-export const leavesByItself = (state) => {
+export const leavesByItself = (state, now) => {
   const { visit, robot, factsheet, playing, arrival } = state;
   const isKnown = playing && robot && factsheet && (arrival?.session ?? null) === visit.session;
   if (roleOf(visit) !== "driver" || !isKnown) {
     return null;
   }
+  const isOpen = arrival?.isOver === false;
+  if (isOpen && now < arrival.since + DOCKS_WITHIN && !robot.docked && isAtRest(robot.velocity)) {
+    return null;
+  }
   const leaves =
-    arrival?.isOver === false &&
+    isOpen &&
     arrival.stopId === robot.safety.stopId &&
     !visit.returning &&
     !robot.safety.estop &&

@@ -1,6 +1,4 @@
-/**
- * Why the robot does not do quite what its driver asks: which word, and on which side. Pure.
- */
+/** How assistance changes the driver's command: the reason and the side. Pure. */
 
 export const HOLD_SECONDS = 0.5;
 const WHYS = new Set(["slow", "stop", "steer", "blind"]);
@@ -8,7 +6,7 @@ const WHYS = new Set(["slow", "stop", "steer", "blind"]);
 const AHEAD = Math.PI / 4;
 
 /**
- * @typedef {{why: string, side: string, point: [number, number] | null}} Help nothing is `why: ""`
+ * @typedef {{why: string, side: string, point: [number, number] | null}} Help `why` "": none
  */
 
 /** @type {Help} */
@@ -37,9 +35,8 @@ export const helpFrom = (why, point) =>
   WHYS.has(why) ? { why, side: why === "blind" ? "" : sideOf(point), point } : NO_HELP;
 
 /**
- * Keeps a word in sight: near walls the robot's word changes several times a second, and nobody can
- * read that. A first word shows at once; another one, or none, only when the one that is shown has
- * not been heard for half a second.
+ * Keeps a reason readable: near walls it changes several times a second. The first one is shown at
+ * once; another, or none, half a second after the shown one was last reported.
  */
 export class HeldHelp {
   constructor() {
@@ -62,7 +59,7 @@ export class HeldHelp {
     return this.shown;
   }
 
-  /** Time goes by and the robot says nothing. @param {number} now @returns {Help} */
+  /** Without news from the robot. @param {number} now @returns {Help} */
   tick(now) {
     if (now - this.heardAt >= 2 * HOLD_SECONDS) {
       this.shown = NO_HELP;
@@ -83,9 +80,8 @@ export const wordOf = ({ why, side }) => {
 export const offersAssist = (factsheet) => Boolean(factsheet?.capabilities?.includes("assist"));
 
 /**
- * The level of assistance that is in force for this page: what the robot reports, not what was
- * pressed, for a study may have fixed it. A robot whose driver is out of reach falls back to its
- * owner's level, which is nobody's choice here: its driver sees the last one of the visit.
+ * The level of assistance in force: what the robot reports, as a study may fix it. A robot that has
+ * lost its driver reports its owner's level; the driver then sees the last one of the visit.
  * @param {import("../drive/features.js").State} state
  * @returns {string} empty while unknown
  */

@@ -1,8 +1,4 @@
-/**
- * What the robot does by itself, on the drive page: its actions, places and points of the map, the
- * level of assistance and what the robot says about it. What to do is decided in robot_action.js
- * and the other pure modules beside it.
- */
+/** The robot's actions and assistance on the drive page. The modules beside it decide; pure. */
 
 import { recallAimed, rememberAimed } from "../drive/storage.js";
 import { Aiming } from "../input/aiming.js";
@@ -18,17 +14,14 @@ import { can } from "./offer.js";
 import { createOfferPanel } from "./offer_panel.js";
 import { ask, heard, isUnderWay, pass, wishOf } from "./robot_action.js";
 
-// s until a level of assistance that does not come into force counts as refused
+// s until a level of assistance that the robot does not confirm counts as refused
 const ASSIST_PATIENCE = 3;
-const PUSH_PERIOD = 0.5; // s between two notes that the visitor presses forward
+const PUSH_PERIOD = 0.5; // s between two records that the visitor presses forward
 
 /** Millimetres and milliradians are enough. @param {number} value */
 const round = (value) => Math.round(value * 1000) / 1000;
 
-/**
- * A point can be chosen where that means something.
- * @param {import("../drive/features.js").State} state
- */
+/** @param {import("../drive/features.js").State} state */
 const mayAim = (state) =>
   roleOf(state.visit) === "driver" &&
   ((can(state, "goto") && maySend(state, "map")) || state.aim?.kind === "pose");
@@ -46,14 +39,9 @@ const setUp = (page) => {
   const aiming = newAiming(page);
 
   /** @param {ReturnType<typeof helpFrom>} help */
-  const showHelp = (help) => {
-    if (help !== store.get().help) {
-      store.update({ help });
-    }
-  };
+  const showHelp = (help) => help !== store.get().help && store.update({ help });
   const hearHelp = (/** @type {any} */ { assistWhy, assistPoint }) =>
     showHelp(held.hear(helpFrom(assistWhy, assistPoint), unixNow()));
-
   /** @param {string} level */
   const assist = (level) => {
     store.update({ assistAsked: { level, at: unixNow() } });
@@ -78,12 +66,14 @@ const setUp = (page) => {
           store.update({ task: heard(task, message, unixNow()) });
         }
       },
+      denied: (/** @type {{suffix: string}} */ { suffix }) =>
+        suffix === "session/assist" && store.update({ assistAsked: null }),
     },
     actions: { ...newActions(page), assist },
     on: {
       ...newListeners(page),
       poll: (/** @type {number} */ now) => {
-        arrive(page);
+        arrive(page, now);
         pursue(page, now);
         showHelp(held.tick(now));
       },
@@ -99,10 +89,7 @@ const setUp = (page) => {
   };
 };
 
-/**
- * How a point of the map, and a direction there, is chosen.
- * @param {import("../drive/registry.js").Page} page
- */
+/** @param {import("../drive/registry.js").Page} page */
 const newAiming = ({ store, element, map }) =>
   new Aiming({
     canvas: element("map"),
@@ -122,20 +109,22 @@ const newAiming = ({ store, element, map }) =>
   });
 
 /**
- * Begin a visit with the room in sight. For a tab that nobody sees nothing moves, then or later.
+ * Start a visit with the room in sight. In a hidden tab the robot stays, then and later.
  * @param {import("../drive/registry.js").Page} page
+ * @param {number} now
  */
-const arrive = ({ store, act }) => {
+const arrive = ({ store, act }, now) => {
   const { visit, robot, arrival } = store.get();
   if (roleOf(visit) !== "driver" || !robot || (robot.session ?? null) !== visit.session) {
-    return; // what it said before was of another visit
+    return; // this state belongs to the session before
   }
   if (arrival?.session !== visit.session) {
     const stopId = robot.safety.stopId ?? null;
-    store.update({ arrival: { session: visit.session, stopId, isOver: document.hidden } });
+    const isOver = document.hidden;
+    store.update({ arrival: { session: visit.session, stopId, isOver, since: now } });
     return;
   }
-  const leaves = leavesByItself(store.get());
+  const leaves = leavesByItself(store.get(), now);
   if (!arrival.isOver && leaves !== null) {
     store.update({ arrival: { ...arrival, isOver: true } });
     if (leaves && !document.hidden) {
@@ -144,11 +133,7 @@ const arrive = ({ store, act }) => {
   }
 };
 
-/**
- * What time does to the robot's action.
- * @param {import("../drive/registry.js").Page} page
- * @param {number} now
- */
+/** @param {import("../drive/registry.js").Page} page @param {number} now */
 const pursue = ({ store, driving }, now) => {
   const { action, send } = pass(store.get().task, now);
   if (action !== store.get().task) {
@@ -161,7 +146,7 @@ const pursue = ({ store, driving }, now) => {
 
 /** The marks of goal and obstacle on the map. @param {import("../drive/registry.js").Page} page */
 const createMarks = ({ map }) => {
-  /** the goal of the last action that was asked for: the same object while it is the same goal */
+  /** The goal of the last requested action: the same object while the goal is the same. */
   let last = { id: "", aim: /** @type {any} */ (null) };
 
   /** @param {import("./robot_action.js").RobotAction} action */
@@ -188,7 +173,7 @@ const createMarks = ({ map }) => {
  * @returns {Record<string, (argument: string) => void>}
  */
 const newActions = ({ store, driving, config }) => {
-  /** Ask the robot to do something by itself. @param {Parameters<typeof ask>[0]} wish */
+  /** @param {Parameters<typeof ask>[0]} wish */
   const start = (wish) => {
     if (roleOf(store.get().visit) === "driver") {
       const task = ask(wish, freshId("act-"), unixNow());
@@ -197,7 +182,7 @@ const newActions = ({ store, driving, config }) => {
     }
   };
 
-  /** With what is chosen on the map, if something is. @param {Parameters<typeof ask>[0]} wish */
+  /** With the point chosen on the map, if there is one. @param {Parameters<typeof ask>[0]} wish */
   const startAimed = (wish) => {
     const { x, y, theta } = store.get().aim ?? { x: null, y: null, theta: null };
     if (x !== null && y !== null) {
@@ -216,7 +201,7 @@ const newActions = ({ store, driving, config }) => {
         store.get().plan?.places?.find((/** @type {any} */ { name }) => name === place) ?? {};
       start({ type: "goto", place, title });
     },
-    /** To the point of the video that it cannot drive straight to. */
+    /** To the point of the video that has no straight path. */
     go_around: () => {
       const [x, y] = store.get().said?.refused?.goal ?? [null, null];
       if (x !== null && y !== null) {
@@ -232,7 +217,7 @@ const newActions = ({ store, driving, config }) => {
         placesOpen: false,
         mapOpen: true,
       }),
-    // Without a drag it looks where it looked.
+    // Without a drag it keeps its heading.
     set_pose: () => startAimed({ type: "relocalize", theta: store.get().robot?.pose.theta ?? 0 }),
     aim_cancel: () => store.update({ aim: null }),
     task_again: () => {
@@ -248,7 +233,6 @@ const newActions = ({ store, driving, config }) => {
 
 /** @param {import("../drive/registry.js").Page} page */
 const newListeners = ({ store }) => ({
-  /** Nothing of a session that is over is left. */
   released: () =>
     store.update({
       task: null,
@@ -271,10 +255,7 @@ const newListeners = ({ store }) => ({
       store.update({ assistAsked: null });
     }
   },
-  /**
-   * Whoever drives has read what failed, unless the page drives on to an earlier point; and
-   * pressing forward at the dock wants a word.
-   */
+  /** Steering hides a failure, unless the page drives to a point; at the dock it shows a hint. */
   steered: (/** @type {{linear: number, angular: number}} */ { linear, angular }) => {
     const { task, pushedAt, said, maneuver } = store.get();
     if ((linear !== 0 || angular !== 0) && said?.word.startsWith("point.") && maneuver === null) {

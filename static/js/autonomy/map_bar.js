@@ -1,7 +1,4 @@
-/**
- * What stands on the map: the menu of places and of other things the robot can do, and the two
- * buttons for a point that was chosen.
- */
+/** On the map: the menu of places and other actions, and the two buttons for a chosen point. */
 
 import { roleOf } from "../protocol/session.js";
 import { maySend } from "../study/restrictions.js";
@@ -14,7 +11,7 @@ import { profileOf } from "../view/display/profiles.js";
  * What the menu holds. Pure.
  * @param {import("../drive/features.js").State} state
  * @returns {{action: string, title?: string, word?: string, pressed?: boolean, aside?: boolean}[]}
- *   a place has its title, everything else its word; what is no destination stands aside
+ *   a place has a title, other entries a word; those that are no destination are aside
  */
 export const menuFor = (state) => {
   const drives = roleOf(state.visit) === "driver";
@@ -51,8 +48,8 @@ export const showsLaser = (state) =>
   state.laser ?? profileOf(state).laser ?? !["", "off"].includes(assistIn(state));
 
 /**
- * What is said about a point of the map: how to give it a direction only until the visitor has used
- * one, for it lies over a part of the map. Pure.
+ * The sentence about a point of the map; how to give it a direction only until the visitor has done
+ * so, as the sentence covers part of the map. Pure.
  * @param {import("../drive/features.js").State} state
  * @returns {string} a word, or nothing
  */
@@ -131,7 +128,7 @@ export const createMapBar = (element, words, act, keys) => {
 };
 
 /**
- * The two buttons for a point, and what is said about it.
+ * The two buttons for a point, and its sentence.
  * @param {(id: string) => HTMLElement} element
  * @param {import("../lib/words.js").Words} words
  * @param {import("../drive/features.js").State} state

@@ -8,7 +8,7 @@ import { isHeld, releaseOf } from "../protocol/estop_release.js";
 import { roleOf } from "../protocol/session.js";
 import { isMoving, isUnderWay } from "./robot_action.js";
 import { controllersOf, mayAsk, maySend, maySteer } from "../study/restrictions.js";
-import { reasonFor } from "./reasons.js";
+import { reasonFor, reports } from "./reasons.js";
 
 /**
  * @typedef {object} Offer
@@ -26,6 +26,8 @@ const CANCEL = { action: "stop", word: "do.cancel_drive" };
 const RELEASE = { action: "release_stop", word: "do.release_stop" };
 const AGAIN = { action: "task_again", word: "do.task_again" };
 const SELF = { action: "task_dismiss", word: "do.drive_yourself" };
+/** Words for releasing a stop between visits, which is no button on the robot. */
+const HELD = { offered: "held", asked: "asked", failed: "held_failed" };
 
 /**
  * Whether who waits may write to the people beside the robot: the first in the queue of one whose
@@ -97,8 +99,8 @@ const inStation = (state) => {
 };
 
 /**
- * What somebody who operates a robot does about its emergency stop, or about a stop that holds it
- * between visits; null while there is none.
+ * What an operator can do about the robot's emergency stop, or about a stop that holds it between
+ * visits; null while there is none.
  * @param {import("../drive/features.js").State} state
  * @returns {{word: string, main?: {action: string, word: string}} | null}
  */
@@ -108,7 +110,7 @@ export const releaseFor = ({ operates, robot, room, release, now }) => {
     return null;
   }
   const asked = releaseOf(release, now);
-  const what = held && asked === "offered" ? "held" : asked;
+  const what = held ? HELD[asked] : asked;
   return { word: `release.${what}`, main: what === "asked" ? undefined : RELEASE };
 };
 
@@ -133,6 +135,9 @@ const usualOffer = (state) => {
   }
   if (isUnderWay(task)) {
     return underWay(/** @type {import("./robot_action.js").RobotAction} */ (task));
+  }
+  if (reports(robot, "runs_on") || reports(robot, "cancel")) {
+    return null; // the robot may not have stopped, as the end of an action would say
   }
   if (task?.status === "FAILED") {
     return {

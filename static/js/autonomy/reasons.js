@@ -78,3 +78,7 @@ export const reasonFor = (reason) => {
   }
   return { word: "reason.other", values: { reason: reason.replace(/\.$/, "") } };
 };
+
+/** @param {any} robot its state @param {string} code of an error @returns {boolean} */
+export const reports = (robot, code) =>
+  Boolean(robot?.errors?.some((/** @type {string} */ error) => error.startsWith(`${code}: `)));

@@ -1,19 +1,15 @@
 /**
- * An action that the robot is asked for, from the visitor's wish to its end. Pure: it makes
- * messages and reads answers.
+ * An action of the robot, from the request to its end. Pure: it makes messages and reads answers.
  *
- * An action is said again, under the same id, until the robot answers; one that finds no answer has
- * failed. What has ended stays for a moment, so that it can be read; what has failed stays until
- * the visitor does something.
+ * A request is repeated under the same id until the robot answers; without an answer it has failed.
+ * An end is shown for a moment, a failure until the visitor does something.
  */
 
 export const AGAIN_SECONDS = 0.7;
 export const PATIENCE_SECONDS = 3; // the robot refuses what is older
 export const READING_SECONDS = 5;
 
-/**
- * Refusals of the first moment after a visit began or a connection came back: worth asking again.
- */
+/** Refusals just after a visit or a connection has started: worth a repetition. */
 const TOO_EARLY = new Set(["clock_unknown", "stale"]);
 const MOVES = new Set(["goto", "follow", "dock", "undock"]);
 const ENDED = new Set(["FINISHED", "FAILED", "CANCELLED"]);
@@ -58,7 +54,9 @@ export const wishOf = ({ type, title, fields }) => ({ type, title, ...fields });
 
 /**
  * The action as it is sent.
- * @param {RobotAction} action @param {{session: string, epoch: number}} binding @param {number} now
+ * @param {RobotAction} action
+ * @param {{session?: string, epoch?: number}} binding
+ * @param {number} now
  */
 export const messageOf = ({ id, type, fields }, binding, now) => ({
   type,
@@ -76,8 +74,7 @@ export const isMoving = (action) =>
   isUnderWay(action) && MOVES.has(/** @type {RobotAction} */ (action).type);
 
 /**
- * News of an action. What this page did not ask for, but runs (it was reloaded meanwhile), becomes
- * its action.
+ * News of an action. One that runs, from before a reload of the page, becomes the page's.
  * @param {RobotAction | null} action
  * @param {{actionId: string, status: string, type: string, reason: string,
  *   result: Record<string, any>}} news

@@ -10,14 +10,19 @@ import { NO_HELP } from "./assistance.js";
  * @property {number | null} theta
  */
 
+/**
+ * @typedef {object} Arrival
+ * @property {string | null} session
+ * @property {string | null} stopId the robot's last stop when the visit started
+ * @property {boolean} isOver whether it is decided if the robot leaves its station
+ * @property {number} since Unix seconds
+ */
+
 export const newSlice = () => ({
   /** what the robot does by itself, or has just done: robot_action.js; null when it does nothing */
   task: /** @type {import("./robot_action.js").RobotAction | null} */ (null),
-  /**
-   * the visit, the last stop of the robot when it began, and whether it is decided if the robot
-   * leaves its station for its driver; null before the first
-   */
-  arrival: /** @type {{session: string, stopId: string | null, isOver: boolean} | null} */ (null),
+  /** of the visit; null before the first */
+  arrival: /** @type {Arrival | null} */ (null),
   /** a point being chosen on the map */
   aim: /** @type {PendingAim | null} */ (null),
   /** whether this person has used a point of the map before */
@@ -36,3 +41,5 @@ export const newSlice = () => ({
    */
   assistAsked: /** @type {{level: string, at: number} | null} */ (null),
 });
+
+/** @typedef {ReturnType<typeof newSlice>} Slice */

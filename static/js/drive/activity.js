@@ -1,6 +1,6 @@
 /**
- * Signs that somebody is there who does not drive: a touch, a key, a turn of the wheel anywhere on
- * the page. The server hears of them now and then, and at once while it asks.
+ * Activity of a visitor who does not drive: a touch, a key or the wheel anywhere on the page. The
+ * server gets it every few seconds, and at once while it asks.
  */
 
 const EVERY = 15; // s

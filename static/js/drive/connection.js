@@ -5,8 +5,10 @@
 
 import { unixNow } from "../lib/clock.js";
 import { freshId } from "../lib/ids.js";
+import { toRead } from "../lib/reading_time.js";
 import { ClockSync } from "../protocol/clock_sync.js";
 import { CommandStream } from "../protocol/command_stream.js";
+import { wordOfDenial } from "../protocol/denials.js";
 import { Link } from "../protocol/link.js";
 import { createNetworkReport } from "../protocol/network_report.js";
 import { Peer } from "../protocol/peer.js";
@@ -15,23 +17,16 @@ import { roleOf } from "../protocol/session.js";
 import { SfuPeer } from "../protocol/sfu_peer.js";
 import { Socket } from "../protocol/socket.js";
 import { TransportRouter } from "../protocol/transport_router.js";
+import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../view/hud/faults.js";
 
-// s without any packet on a WebSocket, which brings one a second, after which the visitor is told
-const SERVER_SILENCE = 1.5;
-const SOCKET_SILENCE = 3; // and after which another one is opened
 // the first ones are slow while the connection is made, and would raise an alarm
 const ROUND_TRIPS = 5;
 
-/**
- * @typedef {object} ShownFault
- * @property {string} part
- * @property {"waits" | "stops" | "stopped" | "goes_on"} then
- * @property {number | null} at the Unix time until which the robot still drives
- */
-
 const newSlice = () => ({
   /** what fails, as the server says: sessions/protocol.py Fault */
-  faults: /** @type {ShownFault[]} */ ([]),
+  faults: /** @type {import("../view/hud/faults.js").ShownFault[]} */ ([]),
+  /** what the server has just denied, and for how long that is read; null for nothing */
+  denial: /** @type {ReturnType<typeof toRead> | null} */ (null),
   /** whether a WebSocket that is open brings nothing any more */
   serverSilent: false,
   /**
@@ -45,18 +40,18 @@ const newSlice = () => ({
   network: /** @type {any} */ (null),
 });
 
+/** @typedef {ReturnType<typeof newSlice>} Slice */
+
 /** @param {import("./registry.js").Page} page */
 const setUp = (page) => {
   const { store } = page;
   const clockSync = new ClockSync();
   const rejected = new Map();
-  let serverAt = Infinity; // when the server last sent anything
   let grantedAt = -Infinity; // when the robot was given to this page
 
   const count = (/** @type {string} */ what) => rejected.set(what, (rejected.get(what) ?? 0) + 1);
-  const heard = () => (serverAt = unixNow());
-  const receive = newReceiver(page, heard, count);
-  const socket = newSocket(page, receive, heard);
+  const receive = newReceiver(page, count);
+  const socket = newSocket(page, receive);
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
   const link = newLink(page, socket, receive);
   const router = new TransportRouter({ socket, link, clockSync, commands });
@@ -77,11 +72,16 @@ const setUp = (page) => {
       denied: (/** @type {any} */ message) => {
         count(`${message.suffix} ${message.reason}`);
         page.session.dispatch({ type: "denied", message });
+        const word = wordOfDenial(message);
+        if (word) {
+          store.update({ denial: toRead(page.words, word), now: unixNow() });
+        }
       },
       event: () => undefined, // for the record that others keep
     },
     on: {
       granted: () => (grantedAt = unixNow()),
+      phase: () => store.update({ denial: null }),
       linkOpening: () => {
         clockSync.reset("datachannel");
         network.begin();
@@ -90,8 +90,7 @@ const setUp = (page) => {
         link.watch(now);
         router.repeatStop(now);
       },
-      poll: (/** @type {number} */ now) =>
-        store.update(poll(page, now, socket.isOpen ? now - serverAt : 0)),
+      poll: (/** @type {number} */ now) => store.update(poll(page, now)),
       second: (/** @type {number} */ now) => void network.second(now),
     },
   };
@@ -100,16 +99,12 @@ const setUp = (page) => {
 /**
  * Hands a packet to the features that take its message, or else to the session.
  * @param {import("./registry.js").Page} page
- * @param {() => void} heard the server has sent something
  * @param {(reason: string) => void} reject
  * @returns {(packet: unknown, transport: import("../protocol/clock_sync.js").Transport) => void}
  */
-const newReceiver = (page, heard, reject) => (packet, transport) => {
+const newReceiver = (page, reject) => (packet, transport) => {
   try {
     const { suffix, message } = decodePacket(packet);
-    if (transport === "mqtt") {
-      heard();
-    }
     if (
       (transport === "mqtt" || ON_DATA_CHANNEL.has(suffix)) &&
       !page.handle(suffix, message, transport)
@@ -128,11 +123,11 @@ const newReceiver = (page, heard, reject) => (packet, transport) => {
  * Heartbeats, and the state of the transports.
  * @param {import("./registry.js").Page} page
  * @param {number} now
- * @param {number} silence s
  */
-const poll = ({ store, video, connection }, now, silence) => {
+const poll = ({ store, video, connection }, now) => {
   const { router, clockSync, socket } = connection;
   const { visit } = store.get();
+  const silence = socket.silence(now);
   if (visit.phase === "driving") {
     router.beat(now, video.frameAge(now));
   }
@@ -153,16 +148,14 @@ const poll = ({ store, video, connection }, now, silence) => {
 /**
  * @param {import("./registry.js").Page} page
  * @param {(packet: unknown, transport: any) => void} receive
- * @param {() => void} heard
  */
-const newSocket = (page, receive, heard) =>
+const newSocket = (page, receive) =>
   new Socket({
     url: new URL(page.config.socket, location.href.replace(/^http/, "ws")).href,
     onPacket: (packet) => receive(packet, "mqtt"),
     onOpen: () => {
       performance.mark("drive:socket");
       page.connection.router.direct = false;
-      heard();
       page.emit("socketOpen");
       page.store.update({ faults: [] });
       page.session.dispatch({ type: "socket_open" });
@@ -230,16 +223,8 @@ const handlers = (page, clockSync, link) => ({
       link.heard(now);
     }
   },
-  "server/status": (/** @type {any} */ { faults }) => {
-    const now = unixNow();
-    page.store.update({
-      faults: faults.map((/** @type {any} */ { part, then, seconds }) => ({
-        part,
-        then,
-        at: seconds === null ? null : now + seconds,
-      })),
-    });
-  },
+  "server/status": (/** @type {any} */ { faults }) =>
+    page.store.update({ faults: shownFaults(faults, unixNow()) }),
   "signal/reply": (/** @type {any} */ message) => {
     page.session.dispatch({ type: "signal/reply", message });
     void link.signal(message);

@@ -1,7 +1,6 @@
 /**
- * The features of the drive page, in the order in which they are set up, hear of things and render.
- * A feature is one folder, or one file of drive/ where the page could not live without it; see
- * registry.js.
+ * The features of the drive page, in the order in which they are set up, are notified and render.
+ * A feature is one folder, or one file of drive/ that the page needs to start; see registry.js.
  */
 
 import { newSlice as newAutonomy } from "../autonomy/state.js";
@@ -24,7 +23,7 @@ import { session } from "./session.js";
 export const FIRST = [connection, session, video, driving, waiting, hud];
 
 /**
- * What comes after that, one at a time. Its slices are there from the beginning.
+ * Loaded later, one at a time. Their slices of the state exist from the start.
  * @type {(() => Promise<import("./registry.js").Feature>)[]}
  */
 export const LATER = [
@@ -54,4 +53,16 @@ export const SLICES = [
 export const newState = () =>
   /** @type {State} */ (Object.assign({}, ...SLICES.map((newSlice) => newSlice())));
 
-/** @typedef {any} State */
+/**
+ * @typedef {import("./connection.js").Slice
+ *   & import("./session.js").Slice
+ *   & import("../view/video/feature.js").Slice
+ *   & import("../input/feature.js").Slice
+ *   & import("../waiting/feature.js").Slice
+ *   & import("../view/map/state.js").Slice
+ *   & import("../view/overlay/state.js").Slice
+ *   & import("../autonomy/state.js").Slice
+ *   & import("../study/state.js").Slice
+ *   & import("../presence/state.js").Slice
+ *   & import("../view/display/state.js").Slice} State
+ */

@@ -1,8 +1,7 @@
 /**
- * A classic script that runs before the drive page's modules: when one of them, or a style sheet,
- * does not arrive, because the phone has just changed its network for instance, the page is loaded
- * anew, and after some attempts says so. Modules cannot do this: the one that is missing keeps all
- * of them from running.
+ * A classic script that runs before the drive page's modules. When a module or a style sheet does
+ * not load, for instance because the phone has changed its network, it reloads the page, and shows
+ * an error after some attempts. No module can do this: one that is missing stops all of them.
  */
 
 (() => {
@@ -26,7 +25,7 @@
     }
   };
 
-  /** A page that will be loaded anew takes no click, which would be lost. */
+  /** A page that will be reloaded is hidden: a click would be lost. */
   const show = (/** @type {boolean} */ shown) =>
     (document.documentElement.style.visibility = shown ? "" : "hidden");
 

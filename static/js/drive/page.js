@@ -16,7 +16,7 @@ import { createStore } from "./store.js";
 
 const AGAIN = 2000; // ms until a feature that did not arrive is fetched again
 const FRAME = 100; // ms that a break takes at most: a page out of sight draws no frames
-const LINKS = 6; // of what comes later, at once: the browser looks at each before it goes on
+const LINKS = 6; // added at once: the browser handles each before it continues
 
 const element = (/** @type {string} */ id) =>
   /** @type {HTMLElement} */ (document.getElementById(id));
@@ -41,10 +41,11 @@ const given = {
 if (parent === window) {
   delete element("drive-page").dataset.framed; // a page of its own has ways out of its own
 }
-const store = createStore({ ...newState(), ...given });
+const store = createStore(
+  /** @type {import("./features.js").State} */ ({ ...newState(), ...given }),
+);
 
-/** @type {import("./registry.js").Page} */
-const page = {
+const page = /** @type {import("./registry.js").Page} */ ({
   config,
   words,
   element,
@@ -67,12 +68,12 @@ const page = {
   },
   /** Opens the page's connection. */
   begin: () => begin(),
-};
+});
 
 /** @param {import("./registry.js").Feature} feature */
 const setUp = (feature) => {
   const parts = feature.setUp(page);
-  page[feature.name] = parts.api;
+  Object.assign(page, { [feature.name]: parts.api });
   page.keys.addCommands(parts.keys ?? {});
   registry.add(parts);
 };
@@ -88,20 +89,20 @@ const pause = () =>
   });
 
 /**
- * The network may be away just now.
- * @param {typeof LATER[number]} fetch
- * @returns {ReturnType<typeof fetch>}
+ * The network may be unavailable just now.
+ * @param {typeof LATER[number]} load
+ * @returns {Promise<import("./registry.js").Feature>}
  */
-const fetched = (fetch) =>
-  fetch().catch((error) => {
+const fetched = (load) =>
+  load().catch((error) => {
     if (!(error instanceof TypeError)) {
       throw error;
     }
-    return new Promise((again) => setTimeout(again, AGAIN)).then(() => fetched(fetch));
+    return new Promise((again) => setTimeout(again, AGAIN)).then(() => fetched(load));
   });
 
 const setUpFirst = async () => {
-  // What somebody presses meanwhile needs these two.
+  // A press on a button before the rest is set up needs these two.
   FIRST.slice(0, 2).forEach(setUp);
   for (const feature of FIRST.slice(2)) {
     await turn();
@@ -118,8 +119,8 @@ const setUpLater = async () => {
     document.head.append(...links.splice(0, LINKS));
     await turn();
   }
-  for (const fetch of LATER) {
-    setUp(await fetched(fetch));
+  for (const load of LATER) {
+    setUp(await fetched(load));
     store.update({});
     await pause();
   }
@@ -142,8 +143,7 @@ const begin = () => {
 };
 
 window.addEventListener("pageshow", (event) => {
-  // A page that comes back out of the browser's cache has lost its connections and its timers:
-  // begin again.
+  // A page from the browser's back/forward cache has lost its connections and timers.
   if (event.persisted) {
     location.reload();
   }
@@ -155,7 +155,7 @@ const start = async () => {
   if (isSupported()) {
     begin();
   } else {
-    page.waiting.lazyPanels(({ explain }) => explain());
+    page.waiting.lazyPanels((/** @type {any} */ { explain }) => explain());
   }
   await setUpLater();
 };

@@ -1,10 +1,10 @@
 /**
- * What the features of the drive page bring: handlers for messages, actions for buttons, keys, a
- * render function and listeners for what happens on the page. page.js registers them; nothing else
- * knows which there are. One that comes later than the first hears of what it missed.
+ * What the features of the drive page provide: handlers for messages, actions for buttons, keys, a
+ * render function and listeners to events of the page. Only page.js knows which features exist. A
+ * feature that is loaded later gets the messages and events from before.
  */
 
-/** What comes again by itself before anybody misses it. */
+/** Repeated soon, so not kept for later features. */
 const PASSING = new Set([
   "tick",
   "poll",
@@ -37,8 +37,25 @@ const PASSING = new Set([
  * @property {(state: any) => void} [render] state into the page's elements, once a frame
  * @property {Record<string, (...values: any[]) => void>} [on] by the name of what happens
  *
- * @typedef {any} Page what every feature is given: store, config, words, element, keys, act, emit,
- *   and the `api` of each feature
+ * @typedef {object} Page what every feature gets, with the `api` of the other features
+ * @property {any} config from the template
+ * @property {import("../lib/words.js").Words} words
+ * @property {(id: string) => HTMLElement} element
+ * @property {import("./store.js").Store} store
+ * @property {import("../input/key_dispatcher.js").KeyDispatcher} keys
+ * @property {(own: Record<string, string[]>) => void} useKeys
+ * @property {Registry["handle"]} handle
+ * @property {Registry["emit"]} emit
+ * @property {(action: string) => void} act
+ * @property {() => void} begin
+ * @property {any} connection
+ * @property {any} session
+ * @property {any} video
+ * @property {any} driving
+ * @property {any} waiting
+ * @property {any} map
+ * @property {any} autonomy
+ * @property {any} presence
  */
 
 export class Registry {

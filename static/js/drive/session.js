@@ -17,8 +17,8 @@ const newSlice = () => ({
   /** what this page is to the robot: protocol/session.js */
   visit: newVisit(),
   /**
-   * who else is here; `driver` is null when nobody drives, `pause` why the robot is not ready then:
-   * view/hud/pause.js; a `private` drive is not shown to this page
+   * who else is here; without a `driver`, `pause` is why the robot is not ready
+   * (view/hud/pause.js); a `private` drive is not shown to this page
    */
   room: {
     driver: /** @type {string | null} */ (null),
@@ -62,6 +62,8 @@ const newSlice = () => ({
   now: 0,
 });
 
+/** @typedef {ReturnType<typeof newSlice>} Slice */
+
 /** @param {import("./registry.js").Page} page */
 const setUp = (page) => {
   const { store, config, element, keys } = page;
@@ -70,10 +72,7 @@ const setUp = (page) => {
   const tabs = newOwnTabs(config.robot);
   let askedSince = 0;
 
-  /**
-   * Somebody is there: said to the server now and then, for whoever only looks or writes is not
-   * away.
-   */
+  /** Report activity: a visitor who only looks or writes is present too. */
   const giveSign = () => {
     if (store.get().visit.phase === "driving") {
       page.connection.report("here");
@@ -249,7 +248,7 @@ const newEffects = (page) => ({
 });
 
 /**
- * The odometer of an agent that was started again begins anew, and what was driven before counts.
+ * The odometer of a restarted agent starts at zero; the distance from before still counts.
  * @param {{at: number, distance: number} | null} began
  * @param {any} known the robot's state before
  * @param {{boot: string, distance: number}} state
@@ -285,6 +284,11 @@ const newHandlers = ({ store, emit, words }) => ({
       store.update({ release: { ...release, refused: true } });
     }
   },
+  denied: (/** @type {{suffix: string}} */ { suffix }) => {
+    if (suffix === "command/action") {
+      store.update({ release: null }); // the robot was not asked: it is offered again
+    }
+  },
   factsheet: (/** @type {any} */ factsheet) => {
     store.update({ factsheet });
     emit("factsheet", factsheet);
@@ -293,7 +297,7 @@ const newHandlers = ({ store, emit, words }) => ({
     const isFreed = store.get().room.driver !== null && room.driver === null;
     store.update({
       room: { ...room, driver: words.nameOf(room.driver) },
-      ...(room.private && { robot: null }), // what was heard before would be out of date
+      ...(room.private && { robot: null }), // the last state would be out of date
     });
     if (isFreed) {
       emit("freed");

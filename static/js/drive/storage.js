@@ -89,7 +89,7 @@ const write = (robot, value) =>
   );
 
 /**
- * Storage may be forbidden, full or spoiled; then a reload begins anew.
+ * Storage may be forbidden, full or corrupt; then a reload starts afresh.
  * @template T
  * @param {() => T} what @returns {T | undefined}
  */

@@ -1,6 +1,6 @@
 /**
- * A small store: changes are merged, and subscribers hear of them once a frame. Each
- * feature brings a slice of it.
+ * A small store: changes are merged, and subscribers are called once a frame. Each feature has a
+ * slice of it.
  * @template {object} State
  * @param {State} initial
  * @param {(callback: () => void) => unknown} [frame]
@@ -37,7 +37,4 @@ export const createStore = (initial, frame = (callback) => requestAnimationFrame
   };
 };
 
-/**
- * @typedef {{get: () => any, update: (changes: object) => void, flush: () => void,
- *   subscribe: (subscriber: (state: any) => void) => void}} Store
- */
+/** @typedef {ReturnType<typeof createStore<import("./features.js").State>>} Store */

@@ -1,7 +1,7 @@
 /**
- * Which controller steers: the one that was taken up last. An older one that is still held does not
- * come back by itself when the newer one lets go; it has to be let go and taken up again, so that
- * nothing moves that nobody has just asked for.
+ * The controller that was used last steers. An older one that is still held does not resume when
+ * the newer one is released: it must be released and pressed again, so that the robot never moves
+ * without a fresh request.
  */
 
 const STILL = Object.freeze({ linear: 0, angular: 0 });
@@ -30,7 +30,7 @@ export class Arbiter {
     }
   }
 
-  /** Nobody steers; what is held has to be taken up anew. @param {string[]} held */
+  /** Stop steering; held controllers must be pressed again. @param {string[]} held */
   release(held = []) {
     const method = this.holder || "keyboard";
     this.outdone = new Set(held);

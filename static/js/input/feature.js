@@ -25,6 +25,8 @@ const newSlice = () => ({
   stopUnconfirmed: false,
 });
 
+/** @typedef {ReturnType<typeof newSlice>} Slice */
+
 /** @param {import("../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store, element, emit } = page;

@@ -1,6 +1,6 @@
 /**
- * Whatever takes the visitor's attention or the page's life away lets go of all controllers and
- * stops the robot: the window loses focus, the tab is hidden, the page is left.
+ * Releases all controllers and stops the robot when the window loses focus, the tab is hidden or
+ * the page is left.
  */
 
 /**

@@ -36,7 +36,12 @@ export class Gamepads {
     list = () => navigator.getGamepads?.() ?? [],
     frame = (callback) => requestAnimationFrame(callback),
   }) {
-    Object.assign(this, { emit, stop, step, onPad, target, list, frame });
+    this.emit = emit;
+    this.stop = stop;
+    this.step = step;
+    this.onPad = onPad;
+    this.list = list;
+    this.frame = frame;
     this.methods = ["gamepad"];
     this.enabled = false;
     /** @type {"left" | "right"} */

@@ -1,17 +1,16 @@
 /**
  * The keys of the drive page, and the one rule about them: no key drives, tilts, talks or changes
- * anything while a text field, a dialog or a menu is open. Whatever listens to keys is added here;
- * the rule stands in `keyUse` alone.
+ * anything while a text field, a dialog or a menu is open. All key listeners are added here, and
+ * `keyUse` alone has the rule.
  *
- * - Keys that make text are the field's. Keys with Ctrl, Alt or Meta are the browser's, keys of a
- *   letter in the making the input method's.
- * - What opens takes the keys: those that are down count as released, so the robot stops. After it
- *   has closed, a key that is still down means nothing until it is pressed anew.
- * - The key that stops the robot (the space bar) does so all the same, unless it types or ticks.
- * - Escape closes what is open. A press beside a menu closes it, too.
+ * - Keys that type belong to the field, keys with Ctrl, Alt or Meta to the browser, and keys of a
+ *   letter that is being composed to the input method.
+ * - When a holder (a dialog, a menu) opens, pressed keys count as released, so the robot stops.
+ *   After it closes, a key must be released and pressed again.
+ * - The key that stops the robot (the space bar) always does, unless it types or ticks.
+ * - Escape closes the holder. So does a press beside a menu.
  *
- * What takes the keys has `data-holds-keys` in its template for as long as it is shown; every
- * dialog element and open <details> has them too.
+ * Dialogs and open <details> are holders; others have `data-holds-keys` in their template.
  */
 
 import { Keymap } from "./keymap.js";
@@ -29,8 +28,8 @@ const TYPED = [
 ].join();
 
 /**
- * Whose a key is that goes with others, or is part of a letter that is being composed (229:
- * browsers that do not say so).
+ * Whether a key is combined with Ctrl, Alt or Meta, or part of a letter that is being composed
+ * (229: browsers that do not report it).
  * @param {any} event
  */
 export const isShortcut = (event) =>
@@ -39,7 +38,7 @@ export const isShortcut = (event) =>
   );
 
 /**
- * What is open and takes the keys: the last one in the page, null for none.
+ * The last open holder of the page, or null.
  * @param {ParentNode} root
  * @returns {Element | null}
  */
@@ -51,10 +50,9 @@ const isShown = (element) =>
   element.closest("[hidden]") === null && (element.checkVisibility?.() ?? true);
 
 /**
- * Whose a pressed key is: the page's (`free`), the page's to stop the robot (`stop`), or somebody
- * else's.
+ * What a pressed key is for: the page (`free`), stopping the robot (`stop`), or something else.
  * @param {any} event keydown
- * @param {Element | null} holder what is open
+ * @param {Element | null} holder
  * @param {Keymap} [keymap]
  * @returns {"free" | "stop" | "text" | "shortcut" | "own" | "held"}
  */

@@ -75,6 +75,10 @@ const NEVER = [
 
 export class Keymap {
   mapCommands = invert(MAP_DEFAULTS);
+  /** @type {Record<string, readonly string[]>} */
+  keys = DEFAULTS;
+  /** @type {Map<string, string>} */
+  commands = new Map();
 
   /** @param {Record<string, string[]>} [own] */
   constructor(own = {}) {
@@ -92,7 +96,6 @@ export class Keymap {
       command,
       own[command] ?? keys.filter((key) => !taken.has(key)),
     ];
-    /** @type {Record<string, readonly string[]>} */
     this.keys = Object.fromEntries(Object.entries(DEFAULTS).map(/** @type {any} */ (keysOf)));
     if (!this.keys.stop.length) {
       this.keys.stop = DEFAULTS.stop;

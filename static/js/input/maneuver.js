@@ -122,7 +122,8 @@ export class Maneuver {
 
   /** @param {import("../view/overlay/transforms.js").Moment} moment */
   #jumped({ x, y }) {
-    return Boolean(this.now) && Math.hypot(x - this.now.at[0], y - this.now.at[1]) > JUMP;
+    const at = this.now?.at;
+    return at !== undefined && Math.hypot(x - at[0], y - at[1]) > JUMP;
   }
 
   /**

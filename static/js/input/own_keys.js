@@ -47,15 +47,15 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
     }
   };
 
-  section.addEventListener("click", ({ target }) => {
-    const button = buttons.find((one) => one.contains(/** @type {Node} */ (target)));
+  section.addEventListener("click", (/** @type {any} */ { target }) => {
+    const button = buttons.find((one) => one.contains(target));
     if (button) {
       button.focus(); // Safari gives it to no button that is clicked
       ask(button === asked ? null : button);
     }
   });
   element("own-keys-usual").addEventListener("click", () => choose({}));
-  section.addEventListener("keydown", (event) => {
+  section.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
     if (!asked || event.ctrlKey || event.altKey || event.metaKey) {
       return;
     }
@@ -63,9 +63,9 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
     event.stopPropagation();
     take(event);
   });
-  section.addEventListener("focusout", ({ relatedTarget }) => {
+  section.addEventListener("focusout", (/** @type {any} */ { relatedTarget }) => {
     // nothing may move under a press on the next button
-    if (asked && !section.contains(/** @type {Node | null} */ (relatedTarget))) {
+    if (asked && !section.contains(relatedTarget)) {
       ask(null);
     }
   });
@@ -79,7 +79,7 @@ export const createOwnKeys = ({ element, words, keys: { keymap }, config, useKey
 
 /**
  * What stands on the button of a command.
- * @param {string[]} own its keys
+ * @param {readonly string[]} own its keys
  * @param {import("../lib/words.js").Words} words
  */
 const signsOf = (own, words) =>

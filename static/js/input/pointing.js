@@ -38,7 +38,15 @@ export class Pointing {
     stop,
     now = () => performance.now(),
   }) {
-    Object.assign(this, { stage, onAim, onGo, onHold, onEnd, allowed, barred, stop, now });
+    this.stage = stage;
+    this.onAim = onAim;
+    this.onGo = onGo;
+    this.onHold = onHold;
+    this.onEnd = onEnd;
+    this.allowed = allowed;
+    this.barred = barred;
+    this.stop = stop;
+    this.now = now;
     this.methods = ["mouse", "touch"];
     this.enabled = false;
     /**

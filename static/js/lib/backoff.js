@@ -1,6 +1,6 @@
 /**
- * How long to wait before attempt n: doubling, bounded, and spread out, so that a thousand pages do
- * not come back in one instant.
+ * The pause before attempt n: doubling, bounded, and random, so that a thousand pages do not
+ * reconnect at the same moment.
  * @param {number} attempt 0 is the first
  * @param {{first?: number, most?: number, random?: () => number}} [options] times in seconds
  * @returns {number} seconds

@@ -18,6 +18,7 @@ export const createPaint = (element, prefix, names, size) => {
     }
     const style = getComputedStyle(element);
     const colours = names.map((name) => style.getPropertyValue(prefix + name).trim());
+    /** @type {Record<string, string>} */
     const paint = { font: `${size} ${style.fontFamily}` };
     names.forEach((name, i) => (paint[name] = colours[i]));
     known = colours.every(Boolean) ? paint : null;

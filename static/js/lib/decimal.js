@@ -1,9 +1,8 @@
 /** Numbers as people write them. Pure. */
 
 /**
- * A number with a point or the language's own decimal mark; NaN for what is none, or is empty. A
- * comma that is no decimal mark is no part of a number: "1,000" is a thousand to some and one to
- * others.
+ * A number with a point or the language's decimal mark; NaN for anything else. A comma that is not
+ * the decimal mark is refused: "1,000" is a thousand in some languages and one in others.
  * @param {string} text
  * @param {string} [language] a BCP 47 tag; without it the page's
  */

@@ -1,4 +1,4 @@
-/** How long a sentence has to stay until whoever looks elsewhere has seen and read it. */
+/** How long a sentence stays, so that a visitor who looks elsewhere can read it. */
 
 import { unixNow } from "./clock.js";
 

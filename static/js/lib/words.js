@@ -1,7 +1,6 @@
 /**
- * The sentences of the page, in the visitor's language. They stand in the template
- * (sessions/_words.html), one element a key, and `{name}` in them is filled in here. A key may have
- * the forms `.one` and `.other` for counts.
+ * The sentences of the page, in the visitor's language, from sessions/_words.html: an element for
+ * each key, with `{name}` to be filled in. A key may have the forms `.one` and `.other` for counts.
  */
 
 /**

@@ -4,18 +4,21 @@
  */
 
 import { copy } from "../lib/clipboard.js";
+import { find } from "../lib/page_poll.js";
 
-for (const button of document.querySelectorAll("[data-copy]")) {
+const buttons = /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-copy]"));
+
+for (const button of buttons) {
   const words = button.textContent;
   button.hidden = false;
   button.addEventListener("click", async () => {
-    const source = document.getElementById(button.dataset.copy);
+    const source = find(`#${button.dataset.copy}`);
     const isField = source instanceof HTMLInputElement || source instanceof HTMLTextAreaElement;
     if (!(await copy((isField ? source.value : source.textContent).trim()))) {
-      isField ? source.select() : document.getSelection().selectAllChildren(source);
+      isField ? source.select() : document.getSelection()?.selectAllChildren(source);
       return;
     }
-    button.textContent = button.dataset.done;
+    button.textContent = button.dataset.done ?? words;
     setTimeout(() => {
       button.textContent = words;
     }, 2000);

@@ -1,10 +1,12 @@
-/**
- * Every light page: the password's "Show", and a menu that closes when one looks elsewhere. Both
- * work without this, only less well.
- */
+/** Every light page: the password's "Show", and a menu that closes at a click beside it. */
 
-for (const button of document.querySelectorAll("[data-reveal]")) {
-  const field = document.getElementById(button.dataset.reveal);
+import { find } from "../lib/page_poll.js";
+
+const all = (/** @type {string} */ selector) =>
+  /** @type {NodeListOf<any>} */ (document.querySelectorAll(selector));
+
+for (const button of all("[data-reveal]")) {
+  const field = find(`#${button.dataset.reveal}`);
   button.hidden = false;
   button.addEventListener("click", () => {
     const shown = field.type === "password";
@@ -12,18 +14,17 @@ for (const button of document.querySelectorAll("[data-reveal]")) {
     button.textContent = shown ? button.dataset.hide : button.dataset.show;
     button.setAttribute("aria-pressed", String(shown));
   });
-  // A password that is on screen when the form leaves would be offered as plain text by the
-  // browser's form history.
+  // The browser's form history would store a password that is sent as plain text.
   field.form?.addEventListener("submit", () => {
     field.type = "password";
   });
 }
 
-for (const menu of document.querySelectorAll("[data-menu]")) {
+for (const menu of all("[data-menu]")) {
   document.addEventListener("click", (event) => {
     if (!menu.contains(event.target)) menu.open = false;
   });
-  menu.addEventListener("keydown", (event) => {
+  menu.addEventListener("keydown", (/** @type {KeyboardEvent} */ event) => {
     if (event.key !== "Escape" || !menu.open) return;
     menu.open = false;
     menu.querySelector("summary").focus();

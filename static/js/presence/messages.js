@@ -129,7 +129,7 @@ const renderPanels = ({ element }, { panel, writing, unread }, offered) => {
  */
 const setUpForm = ({ element, driving }, onSent) => {
   const input = (/** @type {string} */ id) => /** @type {HTMLInputElement} */ (element(id));
-  element("talk-form").addEventListener("submit", (event) => {
+  element("talk-form").addEventListener("submit", (/** @type {Event} */ event) => {
     event.preventDefault();
     const field = input("talk-field");
     const text = field.value.trim().slice(0, 500);

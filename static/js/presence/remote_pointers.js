@@ -1,11 +1,7 @@
 /**
- * Two pointers over a video, one of each side, and the hand that moves one of them: what the drive
- * page and the robot's own display have in common. The layer is in the element that the video
- * fills, and lies just over the picture, without the bars beside it, so that a share of the
- * layer is a share of the picture.
- *
- * It takes presses and nothing else: who cannot point has words and voice, and no key leads here
- * that would have to lead out again.
+ * Two pointers over a video, one for each side, on the drive page and on the robot's display. The
+ * layer covers exactly the image, without the bars beside it, so that shares of the layer are
+ * shares of the image. It takes presses and no keys.
  */
 
 import { write } from "../lib/dom.js";
@@ -30,7 +26,12 @@ const POLL_MS = 100; // between two looks at whether a pointer is to go
 export class RemotePointers {
   /** @param {Options} options */
   constructor({ video, layer, own, hovers, say, onLift = () => undefined }) {
-    Object.assign(this, { video, layer, own, hovers, say, onLift });
+    this.video = video;
+    this.layer = layer;
+    this.own = own;
+    this.hovers = hovers;
+    this.say = say;
+    this.onLift = onLift;
     const side = (/** @type {Side} */ name) => ({
       pointer: new RemotePointer(),
       element: /** @type {HTMLElement} */ (layer.querySelector(`.remote-pointer--${name}`)),

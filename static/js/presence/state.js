@@ -17,3 +17,5 @@ export const newSlice = () => ({
   /** hands and questions of those who watch: audience/panel.js */
   audience: /** @type {import("../audience/panel.js").Audience | null} */ (null),
 });
+
+/** @typedef {ReturnType<typeof newSlice>} Slice */

@@ -84,7 +84,7 @@ export class ClockSync {
   }
 
   /**
-   * The robot's beat, heard on a transport.
+   * A heartbeat of the robot has arrived on a transport.
    * @param {Transport} transport
    * @param {RobotHeartbeat} beat
    * @param {string | null} peer this page's id

@@ -1,18 +1,16 @@
 /**
- * What is sent to make the robot move, and to make it stop. Pure: it makes messages,
- * transport_router.js carries them.
+ * The messages that move and stop the robot. Pure: transport_router.js sends them.
  *
- * Velocities: at once when the visitor begins, lets go or reverses, and twenty times a second while
- * the robot is being driven. After letting go a few zeros, because a message may be lost, then
- * silence. Stop and e-stop: repeated every 50 ms until the robot echoes them, and nothing else is
- * said meanwhile. One counter numbers all of it, whichever transport a message takes.
+ * Velocities are sent at once when the visitor starts, releases or reverses, and twenty times a
+ * second during a drive. After a release a few zeros follow, because a message may be lost, then
+ * none. Stop and e-stop are repeated every 50 ms until the robot echoes them; no velocity is sent
+ * until then. One counter numbers all messages on all transports.
  */
 
 export const TICK_SECONDS = 0.05;
 const ZEROS = 3;
 const UNCONFIRMED_SECONDS = 1;
-// how long a stop is repeated with every tick; afterwards once a second, because nobody seems to
-// hear it
+// a stop is repeated with every tick for so long, then once a second
 const EAGER_SECONDS = 10;
 const PATIENT_SECONDS = 1;
 
@@ -104,7 +102,7 @@ export class CommandStream {
   }
 
   /**
-   * Brake. Works without a lease too: anybody may stop a robot.
+   * Brake. A stop needs no lease.
    * @param {number} now
    * @param {"stop" | "estop"} [type]
    * @param {boolean} [isAsked] whether somebody pressed it, or the page stops the robot by itself

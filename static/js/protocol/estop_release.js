@@ -1,6 +1,6 @@
 /**
  * Asking a robot to release its emergency stop, or a stop between visits: on its own display, and
- * on the drive page of somebody who operates it.
+ * on the drive page of its operators.
  */
 
 import { unixNow } from "../lib/clock.js";
@@ -14,8 +14,8 @@ const PATIENCE = 4; // s in which a robot answers
 export const newRelease = (page) => ({ id: freshId(page), since: unixNow(), refused: false });
 
 /**
- * Whether a stop holds a robot between visits: a new driver releases it, somebody who operates the
- * robot, or somebody beside it.
+ * Whether a stop holds a robot between visits. A new driver, an operator or a person beside the
+ * robot releases it.
  * @param {any} robot its last state, null before one came
  * @param {string | null | undefined} driver
  */

@@ -1,7 +1,6 @@
 /**
- * The media link to the robot, from the visit's wish to have one to the peer connection that it is:
- * prepared early, opened after a pause that grows, judged twenty times a second, given up when it
- * is silent.
+ * The media link to the robot: prepared early, opened after a growing pause, judged twenty times a
+ * second, and closed when it is silent.
  */
 
 import { backoff } from "../lib/backoff.js";
@@ -17,9 +16,8 @@ export class Link {
   /**
    * @param {object} options
    * @param {(role: LinkRole, link: Link) => AnyPeer} options.makePeer
-   * @param {(peer: AnyPeer) => void} options.onOpening a new peer is about to offer, or to answer
-   *   the SFU
-   * @param {() => void} options.onDropping its picture is about to go black
+   * @param {(peer: AnyPeer) => void} options.onOpening before an offer, or an answer to the SFU
+   * @param {() => void} options.onDropping before the video goes black
    * @param {() => void} options.onLive
    * @param {(why: string) => void} options.onLost
    */
@@ -68,7 +66,7 @@ export class Link {
     clearTimeout(this.timer);
     this.lookingSince ??= unixNow();
     if (!isSupported()) {
-      this.barren = true; // pictures come through the server, and nothing else ever will
+      this.barren = true; // only frames through the server will ever arrive
       return;
     }
     this.next = () => this.#open(role, iceServers);
@@ -81,7 +79,7 @@ export class Link {
   }
 
   /**
-   * The network has changed: try now what was to be tried later, or what began before the change.
+   * The network has changed: try at once what waits, or has started before the change.
    */
   hurry() {
     if (this.lookingSince !== null && this.patient && this.next) {
@@ -120,7 +118,7 @@ export class Link {
         this.#lose(outcome === "bye" ? `bye_${message.reason}` : "unexpected_answer");
       }
     } catch (error) {
-      // A description or candidate that the browser cannot use, or one that came after the end.
+      // The browser cannot use the description or candidate, or it arrived after the end.
       if (peer === this.peer && error instanceof DOMException) {
         this.#lose("unusable_answer");
       } else if (!(error instanceof DOMException)) {
@@ -132,7 +130,7 @@ export class Link {
   /** The robot was heard on the data channel. @param {number} now */
   heard(now) {
     if (this.peer) {
-      this.peer.heardAt = now;
+      /** @type {import("./peer.js").Peer} */ (this.peer).heardAt = now;
     }
   }
 

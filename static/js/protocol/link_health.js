@@ -1,6 +1,6 @@
 /**
- * When a media link has to be given up and opened anew. WebRTC itself notices a dead peer after
- * half a minute; the robot's heartbeat on the data channel tells in a second and a half.
+ * When to close a media link and open another. WebRTC notices a dead peer after half a minute, the
+ * robot's heartbeat on the data channel shows it after 1.5 s.
  */
 
 const SILENCE_SECONDS = 1.5;

@@ -1,16 +1,18 @@
 /**
- * The visit: what this page is to the robot, from the first connection to the last word. Pure:
- * `reduce` takes a visit and something that happened and returns the next visit and what is to be
- * done about it; drive/session.js does it.
+ * The visit: the page's relation to the robot. Pure: `reduce` takes a visit and an event, and
+ * returns the next visit and the effects, which drive/session.js carries out.
  *
  *   connecting → lobby → taking → driving → ended
  *                      ↘ queued → turn ↗
  *                      ↘ watching            refused, closed: with the reason
  *
- * A lost WebSocket changes no phase: the drive goes on over the data channel, and what was wanted
- * is asked for again. A lost media link changes no phase either: the robot stops by itself, and a
- * new link is opened until one lives.
+ * A lost WebSocket changes no phase: the drive continues over the data channel, and `wanted` is
+ * requested again. A lost media link changes no phase either: the robot stops by itself, and the
+ * page opens links until one connects.
  */
+
+import { isPassing } from "./denials.js";
+import { areCredentialsOld } from "./relay_credentials.js";
 
 /**
  * @typedef {"connecting" | "lobby" | "taking" | "queued" | "turn" | "driving" | "watching"
@@ -20,45 +22,40 @@
  * @property {Phase} phase
  * @property {"connecting" | "open" | "lost"} socket
  * @property {"none" | "connecting" | "live" | "lost"} link the media link to the robot
- * @property {"nothing" | "drive" | "watch"} wanted what is asked for again when the WebSocket is
- *   back
+ * @property {"nothing" | "drive" | "watch"} wanted requested again with a new WebSocket
  * @property {boolean} online whether the robot is connected, as far as the server knows
- * @property {boolean} serverBlind the server knows nothing about robots at the moment
+ * @property {boolean} serverBlind the server has no state of any robot
  * @property {boolean} mayDrive
  * @property {boolean} mayObserve
  * @property {boolean} liveElsewhere the visitor drives this robot on another page
- * @property {number | null} liveSince since when, Unix time; without `liveElsewhere` that page is
- *   gone
+ * @property {number | null} liveSince Unix time; without `liveElsewhere` that page is closed
  * @property {string | null} session the visit's id at the server
  * @property {string | null} peer this page's id while it drives; secret
  * @property {number} epoch of the lease
  * @property {boolean} returning the visitor drove before: on another page, or before a reload
- * @property {boolean} takeover this very tab left the session a moment ago, so it may take it back
- *   without asking
+ * @property {boolean} takeover this tab has just left the session, and may take it back
  * @property {boolean} fresh start again without a session when the remembered one is over
  * @property {RTCIceServer[]} iceServers
- * @property {boolean} sfu whether the page watches through the server's SFU, and not the robot
- *   itself
+ * @property {number} iceAt when they arrived, Unix time; they are valid for six hours
+ * @property {boolean} sfu whether the page watches through the server's SFU
  * @property {boolean} sfuLost the SFU does not work at the moment
  * @property {{linear: number | null, angular: number | null, frameAge: number | null}} limits of
  *   the lease
- * @property {any} terms what somebody has fixed for the visit: sessions/protocol.py GrantedTerms;
- *   null for nothing
+ * @property {any} terms of the visit: sessions/protocol.py GrantedTerms; or null
  * @property {number} attempt how many links in a row have failed
  * @property {number} place in the queue, 1 is next
  * @property {number} minutes estimated until the turn
- * @property {string} pause why a robot that nobody drives is not ready: `returning`, `charging`,
- *   `paused` or `start` (of a study), a colon, and its reason
- * @property {number | null} pressedAt Unix time at which the visitor pressed what asks for the
- *   robot
+ * @property {string} pause why a free robot is not ready: `returning`, `charging`, `paused` or
+ *   `start` (of a study), a colon, and its reason
+ * @property {number | null} pressedAt Unix time at which the visitor requested the robot
  * @property {number | null} startBy Unix time until which an offered turn can be accepted
- * @property {number | null} askedUntil Unix time until which the visitor must give a sign of being
- *   there; null while nobody asks
- * @property {number | null} signingUntil Unix time until which a sign that was asked for is given
- *   again; null once the server has it
+ * @property {number | null} askedUntil Unix time until which the visitor must show activity
+ * @property {number | null} signingUntil Unix time until which the page repeats a sign of activity;
+ *   null once the server has it
  * @property {number | null} turnEnds Unix time at which the turn ends, once the server has warned
- * @property {{session: string, peer?: string} | null} unsaid a visit that was left and whose end
- *   the server has not confirmed
+ * @property {{session: string, peer?: string} | null} unsaid a visit that was left without the
+ *   server's confirmation
+ * @property {boolean} observesAgain whether to request the denied video again during the wait
  * @property {string} reason why it was refused, ended or closed, in one of the server's words
  */
 
@@ -84,6 +81,7 @@ export const newVisit = () => ({
   takeover: false,
   fresh: false,
   iceServers: [],
+  iceAt: 0,
   sfu: false,
   sfuLost: false,
   limits: { linear: null, angular: null, frameAge: null },
@@ -98,12 +96,13 @@ export const newVisit = () => ({
   signingUntil: null,
   turnEnds: null,
   unsaid: null,
+  observesAgain: false,
   reason: "",
 });
 
 /**
- * s after a press on "drive" in which a turn that comes needs no other: whoever leaves a robot has
- * it for a moment longer than they see.
+ * s after a press on "drive" in which an offered turn needs no other press: the visitor before has
+ * the robot for a moment longer than the page shows.
  */
 const STILL_PRESSED = 5;
 
@@ -131,6 +130,9 @@ export const reduce = (visit, happening) => {
 
 /** @param {Pick<Visit, "phase">} visit */
 const waits = ({ phase }) => phase === "queued" || phase === "turn";
+
+/** Whether video was denied to who waits. @param {Visit} visit */
+const isWithoutVideo = (visit) => waits(visit) && visit.observesAgain;
 
 /** @param {Visit} visit @returns {Effect} */
 const take = (visit) => {
@@ -167,6 +169,7 @@ const ask = (visit, changes = {}) => {
     ...visit,
     wanted: /** @type {const} */ ("drive"),
     phase: /** @type {const} */ ("taking"),
+    observesAgain: false,
     ...changes,
   };
   return [
@@ -190,6 +193,7 @@ const OVER = /** @type {const} */ ({
   sfu: false,
   sfuLost: false,
   attempt: 0,
+  observesAgain: false,
   liveElsewhere: false,
   liveSince: null,
 });
@@ -249,7 +253,7 @@ const HANDLERS = {
     },
   ],
 
-  "session/granted": (visit, { message }) => {
+  "session/granted": (visit, { message, now }) => {
     const kept = message.resumed && visit.epoch === message.epoch && visit.link === "live";
     const lease = {
       session: message.session,
@@ -267,8 +271,10 @@ const HANDLERS = {
         limits: message.limits,
         terms: message.terms ?? null,
         iceServers: message.iceServers,
+        iceAt: now,
         sfu: false,
         sfuLost: false,
+        observesAgain: false,
         link: kept ? "live" : "connecting",
         returning: visit.returning || message.resumed,
         takeover: false,
@@ -321,15 +327,17 @@ const HANDLERS = {
     }
     return [{ ...turn, phase: "turn" }, [{ type: "call", word: "turn" }]];
   },
-  "session/observing": (visit, { message }) => {
-    if (visit.phase === "driving" || visit.phase === "ended") {
-      return [{}];
+  "session/observing": (visit, { message, now }) => {
+    if (!waits(visit) && visit.wanted !== "watch") {
+      return [{}]; // asked for in line, where the visitor no longer is
     }
     const { iceServers, sfu } = message;
     const changes = {
       iceServers,
+      iceAt: now,
       sfu,
       sfuLost: false,
+      observesAgain: false,
       link: /** @type {const} */ ("connecting"),
       reason: "",
     };
@@ -348,12 +356,14 @@ const HANDLERS = {
           session: message.session ?? visit.session,
           peer: null,
           link: "none",
+          observesAgain: false,
         },
         LET_GO,
       ];
     }
     if (waits(visit) && ["observers_full", "not_allowed", "private"].includes(message.reason)) {
-      return [{ link: "none" }, [{ type: "close_link" }]]; // waiting goes on without a picture
+      // waiting goes on without a picture
+      return [{ link: "none", observesAgain: false }, [{ type: "close_link" }]];
     }
     if (message.reason !== "ended") {
       return over(message.reason === "private" ? "lobby" : "refused", message.reason);
@@ -382,11 +392,11 @@ const HANDLERS = {
       missed ? "turn_missed" : message.reason === "idle" ? "idle" : message.outcome,
     );
   },
-  robot: (visit, { message }) => {
+  robot: (visit, { message, now }) => {
     const back = message.online && !visit.online && visit.link === "lost";
     return [
       { online: message.online, serverBlind: !message.online && message.reason === "server" },
-      back && roleOf(visit) ? [openLink(linkRoleOf(visit), visit.iceServers, 0)] : [],
+      back && roleOf(visit) ? reopenLink(visit, 0, now) : [],
     ];
   },
   "signal/reply": (visit, { message }) => {
@@ -405,12 +415,23 @@ const HANDLERS = {
   no_answer: (visit) => [
     {},
     visit.socket === "open"
-      ? [...leaveAgain(visit), ...(visit.phase === "taking" ? askAgain(visit) : [])]
+      ? [
+          ...leaveAgain(visit),
+          ...(visit.phase === "taking" ? askAgain(visit) : []),
+          ...(isWithoutVideo(visit) ? [send("session/observe")] : []),
+        ]
       : [],
   ],
-  denied: (_visit, { message }) => [
-    message.suffix === "session/leave" && message.reason !== "unavailable" ? { unsaid: null } : {},
-  ],
+  denied: (visit, { message }) => {
+    if (message.suffix === "session/leave") {
+      return [isPassing(message) ? {} : { unsaid: null }];
+    }
+    return [
+      message.suffix === "session/observe" && waits(visit)
+        ? { observesAgain: isPassing(message) }
+        : {},
+    ];
+  },
 
   drive: (visit, { now }) =>
     ask(visit, {
@@ -450,14 +471,11 @@ const HANDLERS = {
     visit.phase === "turn" ? over("ended", "turn_missed", [send("session/leave")]) : [{}],
 
   link_live: (visit) => (roleOf(visit) ? [{ link: "live", attempt: 0, sfuLost: false }] : [{}]),
-  link_lost: (visit) => {
+  link_lost: (visit, { now }) => {
     if (!roleOf(visit) || visit.link === "none") {
       return [{}];
     }
-    return [
-      { link: "lost", attempt: visit.attempt + 1 },
-      [openLink(linkRoleOf(visit), visit.iceServers, visit.attempt)],
-    ];
+    return [{ link: "lost", attempt: visit.attempt + 1 }, reopenLink(visit, visit.attempt, now)];
   },
 };
 
@@ -469,8 +487,26 @@ const HANDLERS = {
  */
 const openLink = (role, iceServers, attempt) => ({ type: "open_link", role, iceServers, attempt });
 
-/** Whether the page has said something that the server has not answered. @param {Visit} visit */
-export const awaitsAnswer = ({ phase, unsaid }) => phase === "taking" || unsaid !== null;
+/**
+ * Opens the link again, and asks for new credentials where the relay may no longer take the old
+ * ones: the answer opens it once more.
+ * @param {Visit} visit
+ * @param {number} attempt
+ * @param {number} now Unix time
+ * @returns {Effect[]}
+ */
+const reopenLink = (visit, attempt, now) => {
+  const isOld = areCredentialsOld(visit, now);
+  const question = visit.phase === "driving" ? take(visit) : send("session/observe");
+  return [
+    openLink(linkRoleOf(visit), visit.iceServers, attempt),
+    ...(isOld && visit.socket === "open" ? [question] : []),
+  ];
+};
+
+/** Whether the page has asked for something that it has to ask for again. @param {Visit} visit */
+export const awaitsAnswer = (visit) =>
+  visit.phase === "taking" || visit.unsaid !== null || isWithoutVideo(visit);
 
 /**
  * Whether a sign that was asked for is given again: until the server has it, or has stopped

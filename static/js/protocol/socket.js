@@ -1,9 +1,10 @@
 /**
- * The page's WebSocket: connects for ever, with back-off and jitter, at once when the browser says
- * that the network is back. It knows packets, not their meaning.
+ * The page's WebSocket: reconnects for ever, with back-off and jitter, and at once when the browser
+ * reports a network.
  */
 
 import { backoff } from "../lib/backoff.js";
+import { unixNow } from "../lib/clock.js";
 
 const MOST_BUFFERED = 64 * 1024;
 
@@ -24,6 +25,7 @@ export class Socket {
     this.connect = connect;
     this.attempt = 0;
     this.closed = false;
+    this.receivedAt = 0; // Unix time of the last packet
     /** @type {WebSocket | null} */
     this.socket = null;
     /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -59,10 +61,14 @@ export class Socket {
     return this.socket?.readyState === 1;
   }
 
+  /** s since an open connection brought anything, 0 without one. @param {number} now Unix time */
+  silence(now) {
+    return this.isOpen ? now - this.receivedAt : 0;
+  }
+
   /**
    * @param {string} packet
-   * @param {{droppable?: boolean}} [options] droppable packets are too old to be of use when they
-   *   would have to wait
+   * @param {{droppable?: boolean}} [options] droppable packets do not wait: they would be too old
    * @returns {boolean} whether it was handed to the network
    */
   send(packet, { droppable = false } = {}) {
@@ -79,10 +85,12 @@ export class Socket {
     socket.binaryType = "arraybuffer";
     socket.onopen = () => {
       this.attempt = 0;
+      this.receivedAt = unixNow();
       this.onOpen();
     };
     socket.onmessage = (event) => {
       if (socket === this.socket) {
+        this.receivedAt = unixNow();
         this.onPacket(event.data);
       }
     };

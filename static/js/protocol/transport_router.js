@@ -1,14 +1,13 @@
 /**
- * Which transport a message takes. Velocities go over the data channel while the robot proves that
- * it hears us there, else over the WebSocket; a stop goes over both. The numbers are the same, so a
- * change of transport is not noticed.
+ * The transport of each message: for velocities the data channel while the robot acknowledges on
+ * it, otherwise the WebSocket; for a stop both. All use the same counter, so that a change of
+ * transport makes no difference to the robot.
  */
 
 import { encodePacket } from "./robot_api.js";
 
 /**
- * s of silence on the data channel after which the server shall send everything again; the robot's
- * heart beats five times a second.
+ * s without a heartbeat (five a second) on the data channel, until the server sends everything
  */
 const DIRECT_SILENCE = 0.7;
 
@@ -29,8 +28,7 @@ export class TransportRouter {
     /** What the server was told last; every new connection to it begins anew. */
     this.direct = false;
     /**
-     * The one transport that the robot takes commands on, where somebody has fixed it. A stop is
-     * taken on both all the same.
+     * The one transport on which the robot accepts commands, if it is fixed. Stops use both.
      */
     this.only = /** @type {"any" | import("./clock_sync.js").Transport} */ ("any");
   }
@@ -59,16 +57,14 @@ export class TransportRouter {
       const encoded = encodePacket("command/velocity", message);
       const sent = this.transport(now) === "datachannel" && this.link.send(encoded);
       if (!sent && this.allows("mqtt")) {
-        // What cannot go out now is not kept: a command that waits is a command that comes too
-        // late.
+        // A command that waits would arrive too late.
         this.socket.send(encoded, { droppable: true });
       }
     }
   }
 
   /**
-   * An action, by the transport that loses nothing; on both, when it is said again or the server is
-   * out of reach.
+   * An action, by the reliable transport; on both, when it is repeated or the server unreachable.
    * @param {object} action
    * @param {boolean} again
    */
@@ -83,7 +79,7 @@ export class TransportRouter {
   }
 
   /**
-   * A pointer on what is shared, by the transport of this moment or not at all.
+   * A pointer on the shared screen, by the present transport or not at all.
    * @param {number} now
    * @param {object} pointer
    */
@@ -119,8 +115,7 @@ export class TransportRouter {
   }
 
   /**
-   * Tell the server when that has changed whether the robot is heard directly, so that it need not
-   * send the same.
+   * Tell the server whether the robot's messages arrive directly, so that it need not send them.
    * @param {number} now
    */
   tellDirect(now) {

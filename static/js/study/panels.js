@@ -40,8 +40,8 @@ export const createStudyPanels = ({ snapshots, words, element, map, act }) => {
       drawn = key;
       map.setCourse(
         marks && {
-          below: (...on) => drawGround(...on.slice(0, 2), marks, on[2]),
-          above: (...on) => drawStops(...on.slice(0, 2), marks, on[2]),
+          below: (context, view, paint) => drawGround(context, view, marks, paint),
+          above: (context, view, paint) => drawStops(context, view, marks, paint),
         },
       );
     }

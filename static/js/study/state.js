@@ -15,3 +15,5 @@ export const newSlice = () => ({
   /** when the drive of a study ended, Unix seconds; null before */
   endedAt: /** @type {number | null} */ (null),
 });
+
+/** @typedef {ReturnType<typeof newSlice>} Slice */

@@ -1,6 +1,6 @@
 /** Whose fault it is that there is no video. */
 
-import { standstillOf } from "../view/hud/standstill.js";
+import { isAway } from "../view/hud/standstill.js";
 
 /**
  * Whether it is the robot that keeps the video away: it is gone or silent, has a fault, or its
@@ -10,5 +10,6 @@ import { standstillOf } from "../view/hud/standstill.js";
 export const isRobotsFault = ({ visit, robot, faults }) =>
   !visit.online ||
   Boolean(robot?.cameraStatus) ||
-  ["fault", "not_connected"].includes(standstillOf(robot)) ||
+  isAway(robot) ||
+  robot?.safety.inhibited === "fault" ||
   faults.some((/** @type {{part: string}} */ { part }) => part === "robot");

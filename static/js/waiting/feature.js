@@ -34,6 +34,8 @@ const newSlice = () => ({
   freeRobots: /** @type {import("../view/hud/card.js").FreeRobot[]} */ ([]),
 });
 
+/** @typedef {ReturnType<typeof newSlice>} Slice */
+
 /** @param {import("../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store } = page;

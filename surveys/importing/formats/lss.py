@@ -6,54 +6,312 @@ Read against LimeSurvey's own source (application/helpers/export_helper.php) and
 TonisOrmisson/limesurvey-structure-imex (version 630).
 """
 
+import math
 import re
-from collections.abc import Callable
-from typing import Any, ClassVar
+from collections.abc import Callable, Iterator, Mapping
+from typing import ClassVar
 
 from django.utils.translation import gettext as _
 
-from surveys.documents import BadDefinitionError
+from surveys.documents import BadDefinitionError, Text
 from surveys.importing import safe_xml
-from surveys.importing.draft import Draft, Item, language_of
-from surveys.importing.limesurvey.arrays import array, cells, two_scales
-from surveys.importing.limesurvey.choices import five_points, fixed, multiple, ranking, single
-from surveys.importing.limesurvey.entries import day, free_text, number, numbers, texts
-from surveys.importing.limesurvey.question import LimeSurveyConversion
-from surveys.importing.limesurvey.tables import (
-    LimeSurveyGroup,
-    LimeSurveyQuestion,
-    Survey,
-    has_scores,
-    survey_of,
-)
-from surveys.importing.parts import note_reversal
+from surveys.importing.draft import Draft, Item, SurveyFormat, language_of
+from surveys.importing.limesurvey_tables import LimeSurveyRow, survey_of, tables_of
+from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
-from surveys.importing.survey_format import SurveyFormat, Wishes
+from surveys.problems import MAX_POINTS
 
-# By LimeSurvey's letters (its `Question` model); a letter without an entry has no counterpart.
-_TYPES: dict[str, Callable[[LimeSurveyConversion], list[Item]]] = {
-    **dict.fromkeys("L!O", single),
-    **dict.fromkeys("YG", fixed),
-    **dict.fromkeys("MP", multiple),
-    **dict.fromkeys("ABCEFH", array),
-    **dict.fromkeys(":;", cells),
-    **dict.fromkeys("STU", free_text),
-    "1": two_scales,
-    "5": five_points,
-    "D": day,
-    "K": numbers,
-    "N": number,
-    "Q": texts,
-    "R": ranking,
+_NO_COUNTERPART = {"|": "file upload", "*": "equation", "I": "language switch"}
+# Answers that are not in the file, by the type of the question.
+_WORDED = {
+    "Y": {"Y": "yes", "N": "no"},
+    "G": {"F": "female", "M": "male"},
+    "C": {"Y": "yes", "U": "uncertain", "N": "no"},
+    "E": {"I": "increase", "S": "same", "D": "decrease"},
 }
-_NAMES = {"|": "file upload", "*": "equation", "I": "language switch"}
+_LINES = {"S": 1, "T": 5, "U": 15}
+
+
+class LimeSurveyConversion(ImportedQuestion):
+    def __init__(self, draft: Draft, note: Note, question: LimeSurveyRow) -> None:
+        super().__init__(draft, note, question.get("title"), question.get("type"))
+        self.question = question
+
+    def texts_of(self, question: LimeSurveyRow, column: str = "question") -> Text:
+        return self.draft.text(question.text(column), self.note)
+
+    def text(self) -> Text:
+        return self.or_name(self.texts_of(self.question))
+
+    def common(self) -> Item:
+        wish = self.question.get("mandatory")
+        if wish == "S":
+            self.note.changed(_("The file requests an answer; here it is optional."))
+        return {"required": wish == "Y", "hint": self.texts_of(self.question, "help")}
+
+    def items(self) -> list[Item]:
+        if self.kind in _NO_COUNTERPART:
+            raise self.not_supported(_NO_COUNTERPART[self.kind])
+        return super().items()
+
+    def _answers(self, scale_id: str = "0") -> dict[str, Text]:
+        if self.kind in _WORDED:
+            return {code: self.word(name) for code, name in _WORDED[self.kind].items()}
+        return {
+            answer.get("code"): self.texts_of(answer, "answer")
+            for answer in self.question.answers
+            if answer.row.get("scale_id", "0") == scale_id
+        }
+
+    def _parts(self, scale_id: str = "0") -> list[tuple[str, Text]]:
+        return [
+            (part.get("title"), self.texts_of(part) or self.draft.same(part.get("title")))
+            for part in self.question.parts
+            if part.row.get("scale_id", "0") in {scale_id, ""}
+        ]
+
+    def _by_part(self, fields: Item, remark: str) -> list[Item]:
+        parts = ((self.key(code), label, fields) for code, label in self._parts())
+        return self.apart(remark, parts)
+
+    def _attribute_text(self, name: str) -> Text:
+        return self.draft.text(self.question.attribute_texts(name), self.note)
+
+    @property
+    def _has_other(self) -> bool:
+        return self.question.get("other") == "Y" and self.kind not in _WORDED
+
+    def _other(self) -> dict[str, Text]:
+        if not self._has_other:
+            return {}
+        return {"other": self._attribute_text("other_replace_text") or self.word("other")}
+
+    def _order(self, attribute: str) -> str:
+        wanted = self.question.attribute(attribute)
+        if wanted.startswith("random") or self.question.attribute("random_order") == "1":
+            return "shuffled"
+        if wanted not in {"", "normal"}:
+            self.note.changed(
+                _("Its order (%(order)s) is replaced by the written order."), order=wanted
+            )
+        return "fixed"
+
+    def _number(self, name: str) -> float | None:
+        """Return an attribute that is a finite number; anything else is noted."""
+        value = self.question.attribute(name).strip()
+        try:
+            number = float(value or "nan")
+        except ValueError:
+            number = math.nan
+        if value and not math.isfinite(number):
+            self.unchecked(f"{name} = {value[:60]}")
+        return number if math.isfinite(number) else None
+
+    def single(self) -> list[Item]:
+        """L, !, O, Y and G: one of the answers; O has a comment."""
+        key, options = self.key(), self.options(self._answers() | self._other())
+        for code, option in options.items():
+            self.draft.remember(self.name, code, key, option["value"])
+        order = self._order("answer_order")
+        items = [self.item("single", key, options=list(options.values()), order=order)]
+        if self._has_other:
+            items.append(self.other(key, options["other"]))
+        if self.kind == "O":
+            self.note.changed(_("The comment becomes a separate question."))
+            own = self.draft.key(f"{key}_comment", self.note)
+            items.append({"kind": "text", "key": own, "text": self.word("comment"), "lines": 3})
+        return items
+
+    def multiple(self) -> list[Item]:
+        """M and P: any of the subquestions; P has a comment for each."""
+        key, labels = self.key(), dict(self._parts()) | self._other()
+        alone = [code for code in self.question.attribute("exclude_all_others").split(";") if code]
+        least, most = (self._number(f"{name}_answers") for name in ("min", "max"))
+        options = self.options(labels, alone)
+        item = self.item(
+            *("multiple", key),
+            options=list(options.values()),
+            at_least=int(least or 0),
+            at_most=int(most) if most else None,
+            order=self._order("subquestion_order"),
+        )
+        for code, option in options.items():
+            self.draft.remember(f"{self.name}_{code}", "Y", key, option["value"])
+        with_text = options if self.kind == "P" else ["other"] if self._has_other else []
+        return [item, *(self.other(key, options[code]) for code in with_text)]
+
+    def ranking(self) -> list[Item]:
+        """R: the answers in an order."""
+        if self._number("max_answers") or self.question.attribute("max_subquestions"):
+            self.note.changed(_("Respondents rank all options, not only some."))
+        options = self.options(self._answers() or dict(self._parts()))
+        order = self._order("answer_order")
+        return [self.item("ranking", options=list(options.values()), order=order)]
+
+    def five_points(self) -> list[Item]:
+        """5: one of the numbers from 1 to 5."""
+        key = self.key()
+        for n in range(1, 6):
+            self.draft.remember(self.name, str(n), key, n)
+        return [self.item("likert", key, scale=self.numbered(range(1, 6), {}, {}))]
+
+    def array(self) -> list[Item]:
+        """A, B, C, E, F, H: subquestions on one scale."""
+        if self.kind in {"A", "B"}:
+            numbers = range(1, 6 if self.kind == "A" else 11)
+            values = {str(n): n for n in numbers}
+            return [self._grid(self.numbered(numbers, {}, {}), values, {})]
+        answers = self._answers()
+        if self.kind == "H":
+            self.note.changed(_("Its columns become rows."))
+        if len(answers) > MAX_POINTS:
+            self.note.changed(
+                _("A scale can have at most 11 points, so each row becomes a list of options.")
+            )
+            fields = {"kind": "single", "options": list(self.options(answers).values())}
+            return self._by_part(fields, _("Each row becomes a separate question."))
+        return [self._grid(*self.scale(answers))]
+
+    def two_scales(self) -> list[Item]:
+        """1: subquestions on two scales."""
+        self.note.changed(_("Its two scales become two questions."))
+        items = []
+        for scale_id, header in (("0", "dualscale_headerA"), ("1", "dualscale_headerB")):
+            scale = self.scale(self._answers(scale_id))
+            items.append(self._grid(*scale, (scale_id,), self._attribute_text(header)))
+        return items
+
+    def _grid(
+        self,
+        scale: str,
+        values: Mapping[str, int],
+        reasons: Mapping[str, bool],
+        endings: tuple[str, ...] = (),
+        heading: Text | None = None,
+    ) -> Item:
+        rows = []
+        for part, label in self._parts():
+            key = self.key(part, *endings)
+            rows.append({"key": key, "text": label})
+            for code, value in values.items():
+                name = "_".join((self.name, part, *endings))
+                self.draft.remember(name, code, key, value)
+        order = self._order("subquestion_order")
+        item = self.item("grid", self.key(*endings), scale=scale, rows=rows, order=order, **reasons)
+        return item | {"text": self.draft.joined(item["text"], heading or {})}
+
+    def cells(self) -> list[Item]:
+        """: and ;: a number, a tick or a text for each row and column."""
+        columns, is_number = self._parts("1"), self.kind == ":"
+        if is_number and self.question.attribute("multiflexible_checkbox") == "1":
+            fields = {"kind": "multiple", "options": list(self.options(dict(columns)).values())}
+            return self._by_part(fields, _("Each row becomes a separate question."))
+        content: Item = {"kind": "number" if is_number else "text"}
+        if is_number:
+            least, most = self._number("multiflexible_min"), self._number("multiflexible_max")
+            content |= {"minimum": least, "maximum": most}
+        parts = (
+            (self.key(row, column), self.draft.joined(label, heading), content)
+            for row, label in self._parts()
+            for column, heading in columns
+        )
+        return self.apart(_("Each cell becomes a separate question."), parts)
+
+    def free_text(self) -> list[Item]:
+        """S, T, U: a text, or a number where only numbers are allowed."""
+        if self.question.attribute("numbers_only") == "1":
+            return self.number()
+        lines = _LINES[self.kind]
+        length = self.length(self._number("maximum_chars"), is_line=lines == 1)
+        return [self.item("text", lines=lines, max_length=length)]
+
+    def texts(self) -> list[Item]:
+        """Q: several texts."""
+        return self._by_part({"kind": "text"}, _("Each line becomes a separate question."))
+
+    def _number_fields(self) -> Item:
+        suffix = self._attribute_text("suffix")
+        if any(self.question.attribute_texts("prefix").values()):
+            self.note.changed(_("The text before the number is not imported."))
+        return {
+            "minimum": self._number("min_num_value_n"),
+            "maximum": self._number("max_num_value_n"),
+            "whole": self.question.attribute("num_value_int_only") == "1",
+            "unit": suffix,
+        }
+
+    def number(self) -> list[Item]:
+        """N: a number."""
+        return [self.item("number", **self._number_fields())]
+
+    def numbers(self) -> list[Item]:
+        """K: several numbers, or sliders."""
+        if self.question.attribute("slider_layout") == "1":
+            return self.apart(_("Each slider becomes a separate question."), self._sliders())
+        for rule in ("min_num_value", "max_num_value", "equals_num_value"):
+            if value := self.question.attribute(rule):
+                self.unchecked(f"{rule} = {value}")
+        fields = {"kind": "number", **self._number_fields()}
+        return self._by_part(fields, _("Each line becomes a separate question."))
+
+    def _sliders(self) -> Iterator[tuple[str, Text, Item]]:
+        least, most = self._number("slider_min"), self._number("slider_max")
+        low, high = int(least or 0), int(100 if most is None else most)
+        step = self._number("slider_accuracy") or 1
+        if step != int(step):
+            self.note.changed(_("It accepts only whole numbers."))
+        separator = self.question.attribute("slider_separator") or "|"
+        for code, label in self._parts():
+            words = {language: [*one.split(separator), "", ""] for language, one in label.items()}
+            own, *ends = (
+                {language: parts[n].strip() for language, parts in words.items()} for n in range(3)
+            )
+            left, right = (end if all(end.values()) else {} for end in ends)
+            fields = self.slider(low, high, left, right, max(int(step), 1))
+            yield self.key(code), own, fields
+
+    def day(self) -> list[Item]:
+        """D: a day."""
+        if any(sign in self.question.attribute("date_format") for sign in ("H", "M:")):
+            self.note.changed(_("It asks for the date, not the time."))
+        return [self.item("date", earliest=self._day("date_min"), latest=self._day("date_max"))]
+
+    def _day(self, attribute: str) -> str | None:
+        value = self.question.attribute(attribute).strip("\"'").lower()
+        if value in {"now", "today"}:
+            return "today"
+        if len(value) >= 10 and value[:10].replace("-", "").isdigit():
+            return value[:10]
+        if value:
+            self.unchecked(attribute)
+        return None
+
+    TYPES: ClassVar[Mapping[str, Callable[["LimeSurveyConversion"], list[Item]]]] = {
+        **dict.fromkeys("L!OYG", single),
+        **dict.fromkeys("MP", multiple),
+        **dict.fromkeys("ABCEFH", array),
+        **dict.fromkeys(":;", cells),
+        **dict.fromkeys("STU", free_text),
+        "1": two_scales,
+        "5": five_points,
+        "D": day,
+        "K": numbers,
+        "N": number,
+        "Q": texts,
+        "R": ranking,
+    }
+
+
+# --- the file -------------------------------------------------------------------------------------
+
+_OR = re.compile(r"\|\||\bor\b")
 # One comparison of an expression: Q1.NAOK == "A1", Q2_SQ001 == 'Y', that.Q1 == 5.
-_COMPARED = re.compile(
-    r"""^\(*\s*(?:that\.)?(?P<name>[A-Za-z][A-Za-z0-9_]*)(?:\.(?:NAOK|value|code|valueNAOK))?
-    \s*(?:==|\beq\b)\s*(?:"(?P<one>[^"]*)"|'(?P<two>[^']*)'|(?P<three>-?\d+))\s*\)*$""",
+_COMPARISON = re.compile(
+    r"""(?:that\.)?(?P<name>[A-Za-z][A-Za-z0-9_]*)(?:\.(?:NAOK|value|code|valueNAOK))?
+    \s*(?:==|\beq\b)\s*(?P<answer>"[^"]*"|'[^']*'|-?\d+)""",
     re.VERBOSE,
 )
-# Attributes that change what is asked and have no counterpart, with what is said of them.
+# Attributes of questions without a counterpart, with their names for people.
 _UNSUPPORTED = {
     "array_filter": "array filter",
     "array_filter_exclude": "array filter",
@@ -62,209 +320,114 @@ _UNSUPPORTED = {
     "time_limit": "time limit",
     "random_group": "random group",
     "other_comment_mandatory": "mandatory comment",
-    "max_subquestions": "",
 }
-# Tables of the file that have no counterpart, with their names for people.
+# Tables without a counterpart, with their names for people.
 _TABLES = {
     "quota": "quotas",
     "assessments": "assessments",
     "survey_url_parameters": "URL parameters",
     "plugin_settings": "plugin settings",
 }
-_TEXTS = ("surveyls_endtext", "surveyls_policy_notice")
 
 
 class Lss(SurveyFormat):
-    """A survey structure exported from LimeSurvey."""
-
     label: ClassVar[str] = "LimeSurvey (.lss)"
 
-    @classmethod
-    def is_in(cls, document: bytes) -> bool:
-        """Tell by the mark of XML."""
-        return document.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<")
-
-    @classmethod
-    def read(cls, document: bytes, _wishes: Wishes) -> Draft:
-        """Return what a file asks.
-
-        Raises:
-            BadDefinitionError: it is no such file.
-        """
+    def __init__(self, document: bytes, _language: str, _form: str) -> None:
         root = safe_xml.read(document)
         kind = root.findtext("LimeSurveyDocType") or ""
         if root.tag != "document" or kind != "Survey":
-            raise BadDefinitionError(
-                [
-                    _("This is not a LimeSurvey survey structure (its type is “%(kind)s”).")
-                    % {"kind": kind[:40] or root.tag[:40]}
-                ]
-            )
-        return _LssConversion(survey_of(root)).draft()
+            words = _("This is not a LimeSurvey survey structure (its type is “%(kind)s”).")
+            raise BadDefinitionError([words % {"kind": kind[:40] or root.tag[:40]}])
+        self.tables = tables_of(root)
+        self.survey = survey_of(self.tables)
+        listed = [one.text or "" for one in root.iterfind("languages/language")]
+        named = map(language_of, [self.survey.get("language"), *listed])
+        languages = list(dict.fromkeys(filter(None, named)))
+        self.into = Draft("limesurvey", self.label, languages or ["en"])
 
+    @classmethod
+    def is_in(cls, document: bytes) -> bool:
+        return document.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"<")
 
-class _LssConversion:
-    """One file, group by group."""
-
-    def __init__(self, survey: Survey) -> None:
-        self.survey = survey
-        names = {code: language_of(code) for code in survey.languages}
-        languages = list(dict.fromkeys(name for name in names.values() if name)) or ["en"]
-        for one in _all_texts(survey):
-            for code in list(one):
-                if code in names and names[code] not in {"", code}:
-                    one[names[code]] = one.pop(code)
-        for question in (one for group in survey.groups for one in group.questions):
-            question.attributes = {
-                (name, names.get(code) or code): value
-                for (name, code), value in question.attributes.items()
-            }
-        self.into = Draft("limesurvey", Lss.label, languages)
-
-    def draft(self) -> Draft:
-        """Return what it asks."""
-        about = Note("")
-        into = self.into
-        into.title = into.text(self._survey_text("surveyls_title"), about, limit=200)
-        heading = self.into.note(_("Welcome text"), "")
-        intro = into.joined(
-            into.text(self._survey_text("surveyls_description"), heading),
-            into.text(self._survey_text("surveyls_welcometext"), heading),
-            by="\n\n",
-        )
-        into.intro = into.shortened(intro, heading)
-        if not into.intro:
-            into.report.notes.remove(heading)
-        into.source = f"LimeSurvey, {self.survey.settings.get('sid', '')}".rstrip(", ")
-        for group in self.survey.groups:
+    def convert(self) -> None:
+        into, about = self.into, Note(_("Welcome text"))
+        into.title = into.text(self.survey.text("surveyls_title"), Note(""), limit=200)
+        columns = ("surveyls_description", "surveyls_welcometext")
+        texts = [into.text(self.survey.text(column), about) for column in columns]
+        into.intro = into.shortened(into.joined(*texts, by="\n\n"), about)
+        into.report.notes += [about] if into.intro else []
+        into.source = f"LimeSurvey, {self.survey.get('sid')}".rstrip(", ")
+        for group in self.survey.parts:
             self._take_group(group)
         self._rest()
-        into.finish()
-        return into
 
-    def _survey_text(self, field: str) -> dict[str, str]:
-        return {lang: row.get(field, "") for lang, row in self.survey.texts.items()}
-
-    def _take_group(self, group: LimeSurveyGroup) -> None:
-        name = next((row.get("group_name", "") for row in group.texts.values()), "")
-        note = Note(_("Group: %(name)s") % {"name": name})
-        title = self.into.text(
-            {lang: row.get("group_name", "") for lang, row in group.texts.items()}, note, limit=200
-        )
-        intro = self.into.text(
-            {lang: row.get("description", "") for lang, row in group.texts.items()}, note
-        )
-        condition = self._condition(note, group.row.get("grelevance", ""))
-        if group.row.get("randomization_group"):
-            note.changed(
-                _(
-                    "The random order of groups is not imported: groups are asked in the "
-                    "written order."
-                )
+    def _take_group(self, group: LimeSurveyRow) -> None:
+        names = group.text("group_name")
+        note = Note(_("Group: %(name)s") % {"name": next(iter(names.values()), "")})
+        title = self.into.text(names, note, limit=200)
+        intro = self.into.text(group.text("description"), note)
+        condition = self._condition(note, group.get("grelevance"))
+        if group.get("randomization_group"):
+            words = _(
+                "The random order of groups is not imported: groups are asked in the written order."
             )
-        if note.remarks:
-            self.into.report.notes.append(note)
+            note.changed(words)
+        self.into.report.notes += [note] if note.remarks else []
         self.into.page(title, intro, condition)
-        for question in group.questions:
-            if self.survey.settings.get("format") == "S":
+        for question in group.parts:
+            if self.survey.get("format") == "S":
                 self.into.page(title, None, condition)
             self._ask(question)
 
-    def _ask(self, question: LimeSurveyQuestion) -> None:
-        shown = question.texts.get(self.into.languages[0]) or next(
-            iter(question.texts.values()), {}
-        )
-        note = self.into.note(question.title, shown.get("question", ""))
+    def _ask(self, question: LimeSurveyRow) -> None:
+        texts = question.texts
+        shown = texts.get(self.into.languages[0]) or next(iter(texts.values()), {})
+        note = self.into.note(question.get("title"), shown.get("question", ""))
         with self.into.trying(note):
             if question.attribute("hidden") == "1":
                 raise NotImportedError(_("It is hidden from respondents."))
-            if question.type == "X":
-                asked = LimeSurveyConversion(self.into, note, question)
-                self.into.say(note, asked.texts_of(question))
-                if self._condition(note, question.row.get("relevance", "")):
+            asked = LimeSurveyConversion(self.into, note, question)
+            if question.get("type") == "X":
+                self.into.introduce(note, asked.texts_of(question))
+                if self._condition(note, question.get("relevance")):
                     note.changed(_("Its condition is not imported: it is shown to everybody."))
             else:
-                self._take_question(note, question)
+                condition = self._condition(note, question.get("relevance"))
+                self.into.ask(note, asked.items(), condition)
+                self._remark(asked)
 
-    def _take_question(self, note: Note, question: LimeSurveyQuestion) -> None:
-        condition = self._condition(note, question.row.get("relevance", ""))
-        items = _items_of(LimeSurveyConversion(self.into, note, question))
-        if condition is not None:
-            items = [{"show_if": condition} | item for item in items]
-        self.into.ask(note, items)
-        for attribute, words in _UNSUPPORTED.items():
-            if words and question.attribute(attribute) not in {"", "0", "N"}:
-                note.changed(_("Not imported: %(what)s.") % {"what": words})
-        if question.row.get("preg"):
-            note.changed(_("Not imported: %(what)s.") % {"what": "validation"})
-        if any(part.row.get("relevance", "") not in {"", "1"} for part in question.parts):
+    def _remark(self, asked: LimeSurveyConversion) -> None:
+        note, question = asked.note, asked.question
+        lost = [
+            words
+            for name, words in _UNSUPPORTED.items()
+            if question.attribute(name) not in {"", "0", "N"}
+        ]
+        for words in [*lost, "validation"] if question.get("preg") else lost:
+            note.changed(_("Not imported: %(what)s."), what=words)
+        if any(part.get("relevance") not in {"", "1"} for part in question.parts):
             note.changed(_("Conditions of single options are not imported: all are shown."))
-        if self.survey.settings.get("assessments") == "Y" and has_scores(question.answers):
+        has_scores = any(one.get("assessment_value") not in {"", "0"} for one in question.answers)
+        if self.survey.get("assessments") == "Y" and has_scores:
             note.changed(_("Its scores are not imported."))
-        for row in question.texts.values():
-            note_reversal(note, row.get("help", "")[:200])
+        for text in question.text("help").values():
+            asked.note_reversal(text[:200])
 
-    def _condition(self, note: Note, expression: str) -> dict[str, Any] | None:
-        """Return `show_if` for comparisons of one question with answers, joined by "or"; anything
-        else is noted.
-        """
+    def _condition(self, note: Note, expression: str) -> Item | None:
         if expression.strip() in {"", "1"}:
             return None
-        found = [
-            _COMPARED.match(part.strip())
-            for part in re.split(r"\|\||\bor\b", expression.strip("() "))
-        ]
-        condition = None
-        if all(found):
-            condition = self.into.condition(
-                (one["name"], one["one"] or one["two"] or one["three"] or "")
-                for one in found
-                if one is not None
-            )
-        if condition is None:
-            note.changed(
-                _("Its condition is not imported: it is shown to everybody (%(condition)s).")
-                % {"condition": expression[:100]}
-            )
-        return condition
+        return self.into.comparisons(note, expression, _OR, _COMPARISON)
 
     def _rest(self) -> None:
+        nowhere = _("This site has no equivalent.")
         for table, words in _TABLES.items():
-            if self.survey.others.get(table):
-                self.into.leave_out(words, _("This site has no equivalent."))
-        if self.survey.others.get("defaultvalues"):
-            self.into.leave_out(
-                "default values", _("Its default answer is not imported: no answer is preselected.")
-            )
-        for field in _TEXTS:
-            for text in self._survey_text(field).values():
-                if text.strip():
-                    self.into.leave_out(field, _("This site has no equivalent."), text)
-                    break
-
-
-def _all_texts(survey: Survey) -> list[dict[str, Any]]:
-    """Return every object of the survey that has a language for its key."""
-    questions = [question for group in survey.groups for question in group.questions]
-    every = [one for question in questions for one in (question, *question.parts)]
-    return [
-        survey.texts,
-        *(group.texts for group in survey.groups),
-        *(one.texts for one in every),
-        *(answer.texts for one in every for answer in one.answers),
-    ]
-
-
-def _items_of(asked: LimeSurveyConversion) -> list[Item]:
-    """Return what a question becomes.
-
-    Raises:
-        NotImportedError: it has no counterpart here.
-    """
-    converter = _TYPES.get(asked.question.type)
-    if converter is None:
-        kind = _NAMES.get(asked.question.type, asked.question.type)
-        raise NotImportedError(
-            _("Questions of the type %(kind)s are not supported.") % {"kind": kind}
-        )
-    return converter(asked)
+            if self.tables.get(table):
+                self.into.leave_out(words, nowhere)
+        if self.tables.get("defaultvalues"):
+            reason = _("Its default answer is not imported: no answer is preselected.")
+            self.into.leave_out("default values", reason)
+        for column in ("surveyls_endtext", "surveyls_policy_notice"):
+            texts = self.survey.text(column).values()
+            if text := next((one for one in texts if one.strip()), ""):
+                self.into.leave_out(column, nowhere, text)

@@ -1,71 +1,360 @@
 """Qualtrics survey files (.qsf): JSON with a list of elements.
 
-The format has no published description. Its shape was read in public files and readers: the sample
-surveys of ctesta01/QualtricsTools (16 files), the test data of fflewddur/sp (types MC, NPS, CS, RO,
-PGR, Timing, Meta, forms), and data-raw/ of sumtxt/qsf (translations, AvailableLanguages).
+The format has no published description; this follows public files and readers: the sample surveys
+of ctesta01/QualtricsTools (16 files), the test data of fflewddur/sp (types MC, NPS, CS, RO, PGR,
+Timing, Meta, forms), and data-raw/ of sumtxt/qsf (translations, AvailableLanguages).
 
 The element BL has the blocks with their questions and page breaks, FL the order of the blocks, each
 SQ a question, SO the options of the survey.
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, ClassVar
 
 import msgspec
 from django.utils.translation import gettext as _
+from django.utils.translation import gettext_lazy
 
-from surveys.documents import BadDefinitionError
-from surveys.importing.draft import Draft, Item, language_of
-from surveys.importing.parts import note_reversal
+from surveys.documents import BadDefinitionError, Text
+from surveys.importing.draft import Draft, Item, Raw, SurveyFormat, language_of
 from surveys.importing.plain_text import plain
-from surveys.importing.qualtrics.choices import choice, ranking
-from surveys.importing.qualtrics.entries import slider, text_entry
-from surveys.importing.qualtrics.matrices import matrix
-from surveys.importing.qualtrics.question import QualtricsConversion, by_id, mapping, no_counterpart
+from surveys.importing.question import ImportedQuestion
 from surveys.importing.report import Note, NotImportedError
-from surveys.importing.survey_format import SurveyFormat, Wishes
+from surveys.problems import MAX_POINTS
+
+Payload = Mapping[str, Any]
+_SINGLE = frozenset({"SAVR", "SAHR", "SACOL", "DL", "SB"})
+_MULTIPLE = frozenset({"MAVR", "MAHR", "MACOL", "MSB"})
+_TEXT_LINES = {"SL": 1, "ML": 4, "ESTB": 8}
+# Formats of a text that are not checked here, by their names in the file.
+_UNCHECKED = {
+    "ValidEmail": "e-mail",
+    "ValidPhone": "phone",
+    "ValidZip": "ZIP",
+    "ValidUSState": "state",
+    "ValidTextOnly": "letters",
+}
+
+
+class QualtricsConversion(ImportedQuestion):
+    def __init__(self, draft: Draft, note: Note, payload: Payload) -> None:
+        name = str(payload.get("DataExportTag") or payload.get("QuestionID") or "question")
+        super().__init__(draft, note, name, str(payload.get("QuestionType") or ""))
+        self.payload = payload
+        self.selector = str(payload.get("Selector") or "")
+        self.sub_selector = str(payload.get("SubSelector") or "")
+        self.id = str(payload.get("QuestionID") or "")
+        self.settings: Payload = mapping(mapping(payload.get("Validation")).get("Settings"))
+        self.configuration: Payload = mapping(payload.get("Configuration"))
+        self._choices = by_id(payload.get("Choices"))
+        self._in_languages = {
+            language_of(code): mapping(one)
+            for code, one in mapping(payload.get("Language")).items()
+        } | {draft.languages[0]: payload}
+
+    def raw_text(self) -> Raw:
+        texts = self._in_languages.items()
+        return {language: str(one.get("QuestionText") or "") for language, one in texts}
+
+    def text(self) -> Text:
+        return self.or_name(self.draft.text(self.raw_text(), self.note))
+
+    def common(self) -> Item:
+        wish = self.settings.get("ForceResponse")
+        if "RequestResponse" in (wish, self.settings.get("ForceResponseType")) and wish != "OFF":
+            self.note.changed(_("The file requests an answer; here it is optional."))
+            return {}
+        return {"required": wish == "ON"}
+
+    def not_supported(self, kind: str) -> NotImportedError:
+        parts = (kind, self.selector, self.sub_selector)
+        return super().not_supported("/".join(part for part in parts if part))
+
+    def _labels(self, part: str = "Choices", order: str = "ChoiceOrder") -> dict[str, Text]:
+        """Return the labels of the choices or answers by their ids, in the order shown."""
+        known = {language: by_id(one.get(part)) for language, one in self._in_languages.items()}
+        own, named = by_id(self.payload.get(part)), self.payload.get(order)
+        ids = [str(one) for one in named] if isinstance(named, list) else []
+        found = {}
+        for one in dict.fromkeys([*(one for one in ids if one in own), *own]):
+            texts = {language: _display(choices.get(one)) for language, choices in known.items()}
+            found[one] = self.draft.text(texts, self.note)
+        return found
+
+    def _codes(self, labels: Mapping[str, Text], *, are_unique: bool = False) -> dict[str, str]:
+        """Return recode values or ids of choices; all ids where values repeat and must not."""
+        recoded = mapping(self.payload.get("RecodeValues"))
+        codes = {one: str(recoded.get(one, one)) for one in labels}
+        if not are_unique or len(set(codes.values())) == len(codes):
+            return codes
+        self.note.changed(_("Several options share a recode value, so their ids are stored."))
+        return {one: one for one in labels}
+
+    def _order(self) -> str:
+        wanted = mapping(self.payload.get("Randomization")).get("Type")
+        if str(wanted) in {"Advanced", "Subset", "ScaleReversal"}:
+            self.note.changed(_("Its random order with rules is replaced by a fixed order."))
+        return "shuffled" if wanted == "All" else "fixed"
+
+    def _note_choices(self) -> None:
+        if any(mapping(choice).get("DisplayLogic") for choice in self._choices.values()):
+            self.note.changed(_("Conditions of single options are not imported: all are shown."))
+        if self.payload.get("DynamicChoices"):
+            self.note.changed(_("Options carried forward from another question are not imported."))
+
+    def _rows(self) -> Iterator[tuple[str, Text]]:
+        tags = mapping(self.payload.get("ChoiceDataExportTags"))
+        for one, label in self._labels().items():
+            if _is_set(self._choices[one], "TextEntry"):
+                self.note.changed(_("The text entry in a row is not imported."))
+            if label:
+                wanted = str(tags.get(one) or f"{self.name}_{one}")
+                yield self.draft.key(wanted, self.note), label
+            else:
+                self.note.changed(_("A row without a text is not imported."))
+
+    def choice(self) -> list[Item]:
+        """MC: one or several options, or the eleven points of a Net Promoter Score."""
+        if self.selector == "NPS":
+            return [self._net_promoter_score()]
+        if self.selector not in _SINGLE | _MULTIPLE:
+            raise self.not_supported(self.kind)
+        self._note_choices()
+        labels, several = self._labels(), self.selector in _MULTIPLE
+        codes, key = self._codes(labels, are_unique=True), self.key()
+        exclusive = [one for one in labels if _is_set(self._choices[one], "ExclusiveAnswer")]
+        alone = [codes[one] for one in exclusive if several]
+        options = self.options({codes[one]: label for one, label in labels.items()}, alone)
+        most = _whole(self.settings.get("MaxChoices"), 0)
+        least = _whole(self.settings.get("MinChoices"), 0)
+        bounds = {"at_least": least, "at_most": most or None} if several else {}
+        kind, listed = "multiple" if several else "single", list(options.values())
+        items = [self.item(kind, key, options=listed, order=self._order(), **bounds)]
+        for one in labels:
+            if option := options.get(codes[one]):
+                self.draft.remember(self.id, one, key, option["value"])
+                if _is_set(self._choices[one], "TextEntry"):
+                    items.append(self.other(key, option))
+        return items
+
+    def _net_promoter_score(self) -> Item:
+        numbers = [int(one) for one in self._labels() if re.fullmatch(r"[0-9]{1,9}", one)]
+        named = [label for label in self._labels("ColumnLabels", "").values() if label]
+        first, last = (named[0], named[-1]) if len(named) > 1 else ({}, {})
+        return self.item("likert", scale=self.numbered(numbers, first, last))
+
+    def ranking(self) -> list[Item]:
+        """RO: options to put into an order."""
+        self._note_choices()
+        labels = self._labels()
+        if any(_is_set(self._choices[one], "TextEntry") for one in labels):
+            self.note.changed(_("The text entry of an option is not imported."))
+        codes = self._codes(labels)
+        options = self.options({codes[one]: label for one, label in labels.items()})
+        return [self.item("ranking", options=list(options.values()), order=self._order())]
+
+    def matrix(self) -> list[Item]:
+        """Matrix: statements on a scale, choices or texts by row."""
+        if self.selector == "TE":
+            return self._cells()
+        if self.selector == "Bipolar":
+            remark = _("Each row becomes a separate question with its own end labels.")
+            return self.apart(remark, self._bipolar())
+        if self.selector != "Likert":
+            raise self.not_supported(self.kind)
+        self._note_choices()
+        if self.sub_selector == "MultipleAnswer":
+            return self._choices_by_row("multiple")
+        answers = self._labels("Answers", "AnswerOrder")
+        if len(answers) > MAX_POINTS:
+            self.note.changed(
+                _("A scale can have at most 11 points, so each row becomes a list of options.")
+            )
+            return self._choices_by_row("single")
+        if self.sub_selector not in {"", "SingleAnswer"}:
+            self.note.changed(_("It becomes statements on a scale."))
+        return [self._grid(*self.scale(answers, self._codes(answers)))]
+
+    def _grid(self, scale: str, values: Mapping[str, int], reasons: Mapping[str, bool]) -> Item:
+        key = self.key()
+        rows = [{"key": own, "text": label} for own, label in self._rows()]
+        for answer, value in values.items() if len(rows) == 1 else ():
+            self.draft.remember(self.id, answer, str(rows[0]["key"]), value)
+        return self.item("grid", key, scale=scale, rows=rows, order=self._order(), **reasons)
+
+    def _choices_by_row(self, kind: str) -> list[Item]:
+        answers = self._labels("Answers", "AnswerOrder")
+        codes = self._codes(answers, are_unique=True)
+        options = self.options({codes[one]: label for one, label in answers.items()})
+        fields = {"kind": kind, "options": list(options.values())}
+        parts = ((key, label, fields) for key, label in self._rows())
+        return self.apart(_("Each row becomes a separate question."), parts)
+
+    def _cells(self) -> list[Item]:
+        answers = self._labels("Answers", "AnswerOrder") or {"": {}}
+        lines = 1 if self.sub_selector in {"", "Short", "Medium", "Long"} else 4
+        parts = (
+            (
+                self.draft.key(f"{key}_{column}", self.note) if column else key,
+                self.draft.joined(label, answer),
+                {"kind": "text", "lines": lines},
+            )
+            for key, label in list(self._rows())
+            for column, answer in answers.items()
+        )
+        return self.apart(_("Each cell becomes a separate question."), parts)
+
+    def _bipolar(self) -> Iterator[tuple[str, Text, Item]]:
+        """Yield rows with labels at both ends, written "left:right"."""
+        most = len(self._labels("Answers", "AnswerOrder"))
+        for key, label in self._rows():
+            parts = {language: words.partition(":") for language, words in label.items()}
+            ends = {}
+            for n, part in ((1, 0), (most, 2)):
+                end = {language: words[part].strip() for language, words in parts.items()}
+                ends[n] = end if all(end.values()) else {}
+            scale = self.draft.scale((n, ends.get(n, {})) for n in range(1, most + 1))
+            yield key, label, {"kind": "likert", "scale": scale}
+
+    def columns(self) -> list[Item]:
+        """SBS: several matrices with the same rows, one a column."""
+        self.note.changed(_("Each column becomes a separate question."))
+        rows = {name: self.payload.get(name) for name in ("Choices", "ChoiceOrder")}
+        items: list[Item] = []
+        for one, column in by_id(self.payload.get("AdditionalQuestions")).items():
+            inner = QualtricsConversion(self.draft, self.note, {**mapping(column), **rows})
+            inner.name = f"{self.name}_{one}"
+            if inner.kind == self.kind:
+                raise inner.not_supported(inner.kind)
+            made, text = inner.items(), self.text()
+            items += [item | {"text": self.draft.joined(text, item["text"])} for item in made]
+        return items
+
+    def text_entry(self) -> list[Item]:
+        """TE: a text, a number or a date on one line or several, or a form of several lines."""
+        if self.selector == "PW":
+            raise NotImportedError(_("Questions for passwords are not supported."))
+        if self.selector == "FORM":
+            labels = self._labels().items()
+            parts = ((self.key(one), label, {"kind": "text"}) for one, label in labels)
+            return self.apart(_("Each line of the form becomes a separate question."), parts)
+        if self.selector not in _TEXT_LINES:
+            raise self.not_supported(self.kind)
+        has_format = self.settings.get("Type") == "ContentType"
+        wanted = self.settings.get("ContentType") if has_format else ""
+        if wanted == "ValidNumber":
+            rules = mapping(self.settings.get("ValidNumber"))
+            least, most = _bound(rules.get("Min")), _bound(rules.get("Max"))
+            is_whole = str(rules.get("NumDecimals")) == "0"
+            return [self.item("number", minimum=least, maximum=most, whole=is_whole)]
+        if wanted == "ValidDate":
+            return [self.item("date")]
+        if wanted:
+            rule = _UNCHECKED.get(str(wanted), wanted)
+            self.note.changed(_("Its format (%(rule)s) is not checked."), rule=rule)
+        lines = _TEXT_LINES[self.selector]
+        limit = self.settings.get("MaxChars") or self.settings.get("TotalChars")
+        length = self.length(_whole(limit, 0), is_line=lines == 1)
+        return [self.item("text", lines=lines, max_length=length)]
+
+    def sliders(self) -> list[Item]:
+        """Slider: one slider a choice, between the ends of all."""
+        least = _whole(self.configuration.get("CSSliderMin"), 0)
+        most = _whole(self.configuration.get("CSSliderMax"), 100)
+        parts = _whole(self.configuration.get("GridLines"), 0)
+        snaps = str(self.configuration.get("SnapToGrid")).lower() == "true" and parts > 0
+        step = (most - least) // parts if snaps and (most - least) % parts == 0 else 1
+        if _whole(self.configuration.get("NumDecimals"), 0) > 0:
+            self.note.changed(_("It accepts only whole numbers."))
+        if self.selector == "STAR":
+            self.note.changed(_("The stars become a slider."))
+        ends = [label for label in self._labels("Labels", "").values() if label]
+        if len(ends) > 2:
+            self.note.changed(_("Labels between the two ends are not imported."))
+        low, high = (ends[0], ends[-1]) if len(ends) > 1 else ({}, {})
+        lacks = str(self.configuration.get("NotApplicable")).lower() == "true"
+        fields = self.slider(least, most, low, high, step) | {"not_applicable": lacks}
+        rows = [(self.key(one), label, fields) for one, label in self._labels().items()]
+        remark = _("Each slider becomes a separate question.") if len(rows) > 1 else ""
+        return self.apart(remark, rows or [(self.key(), {}, fields)])
+
+    TYPES: ClassVar[Mapping[str, Callable[["QualtricsConversion"], list[Item]]]] = {
+        "MC": choice,
+        "Matrix": matrix,
+        "TE": text_entry,
+        "Slider": sliders,
+        "RO": ranking,
+        "SBS": columns,
+    }
+
+
+# --- reading --------------------------------------------------------------------------------------
+
+
+def mapping(value: Any) -> dict[str, Any]:
+    """Return an object of the file; PHP writes an empty one as a list."""
+    return value if isinstance(value, dict) else {}
+
+
+def by_id(value: Any) -> dict[str, Any]:
+    """Return choices by id: an object, or a list whose places are the ids."""
+    if isinstance(value, list):
+        return {str(n): one for n, one in enumerate(value)}
+    return mapping(value)
+
+
+def _display(choice: Any) -> str:
+    return choice if isinstance(choice, str) else str(mapping(choice).get("Display") or "")
+
+
+def _whole(value: Any, default: int) -> int:
+    try:
+        return int(float(value))
+    except (TypeError, ValueError, OverflowError):
+        return default
+
+
+def _bound(value: Any) -> float | None:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        return None
+    return number if abs(number) < 1e12 else None
+
+
+def _is_set(choice: Any, name: str) -> bool:
+    """Tell whether a choice has a mark; Qualtrics writes these as words, numbers or truth."""
+    return str(mapping(choice).get(name)).lower() in {"true", "on", "1"}
+
+
+# --- the file -------------------------------------------------------------------------------------
 
 _CHOICE = re.compile(r"^q://(?P<question>[^/]+)/Selectable(?:Choice|Answer)/(?P<choice>[^/]+)$")
 _IN_ORDER = frozenset({"Block", "Standard"})
-# Elements that ask nothing and change nothing of what is asked.
+# Elements without questions and rules.
 _QUIET = frozenset({"BL", "FL", "SQ", "SO", "SCO", "STAT", "QC", "RS", "NT", "PL", "PROJ", "BR"})
 _QUIET_FLOW = frozenset({"Root", "Block", "Standard", "Group", "EndSurvey"})
+_LOST_FLOW = {
+    "Branch": gettext_lazy("Branches are not imported: all blocks are asked."),
+    "BlockRandomizer": gettext_lazy(
+        "The random order of blocks is not imported: blocks are asked in the written order."
+    ),
+    "EmbeddedData": gettext_lazy("Embedded data is not imported: a study records its own data."),
+}
+MAX_DEPTH = 30  # of the survey flow
 
 
 class Qsf(SurveyFormat):
-    """A survey exported from Qualtrics."""
-
     label: ClassVar[str] = "Qualtrics (.qsf)"
 
-    @classmethod
-    def is_in(cls, document: bytes) -> bool:
-        """Tell by the names that every such file begins with."""
-        return document.lstrip(b"\xef\xbb\xbf \r\n\t").startswith(b"{") and (
-            b'"SurveyElements"' in document
-        )
-
-    @classmethod
-    def read(cls, document: bytes, _wishes: Wishes) -> Draft:
-        """Return what a file asks.
-
-        Raises:
-            BadDefinitionError: it is no such file.
-        """
+    def __init__(self, document: bytes, _language: str, _form: str) -> None:
         try:
-            survey = msgspec.json.decode(document.removeprefix(b"\xef\xbb\xbf"))
+            survey = mapping(msgspec.json.decode(document.removeprefix(b"\xef\xbb\xbf")))
         except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-            raise BadDefinitionError(
-                [_("This is not valid JSON: %(problem)s.") % {"problem": error}]
-            ) from error
-        return _QsfConversion(survey).draft()
-
-
-class _QsfConversion:
-    """One file, element by element."""
-
-    def __init__(self, survey: Any) -> None:
-        elements = survey.get("SurveyElements") if isinstance(survey, dict) else None
+            words = _("This is not valid JSON: %(problem)s.") % {"problem": error}
+            raise BadDefinitionError([words]) from error
+        elements = survey.get("SurveyElements")
         if not isinstance(elements, list) or not all(isinstance(one, dict) for one in elements):
             raise BadDefinitionError([_("The file has no list of SurveyElements.")])
         self.entry = mapping(survey.get("SurveyEntry"))
@@ -75,85 +364,70 @@ class _QsfConversion:
             for element in elements
             if element.get("Element") == "SQ" and (payload := mapping(element.get("Payload")))
         }
+        # The first payload of each kind of element.
+        self.payloads = {str(one.get("Element")): one.get("Payload") for one in elements[::-1]}
         self.blocks = {
             str(block.get("ID") or n): block
-            for n, block in by_id(self._payload("BL")).items()
+            for n, block in by_id(self.payloads.get("BL")).items()
             if isinstance(block, dict)
         }
-        self.into = Draft("qualtrics", Qsf.label, self._languages())
+        self.into = Draft("qualtrics", self.label, self._languages())
 
-    def draft(self) -> Draft:
-        """Return what it asks."""
+    @classmethod
+    def is_in(cls, document: bytes) -> bool:
+        start = document.lstrip(b"\xef\xbb\xbf \r\n\t")
+        return start.startswith(b"{") and b'"SurveyElements"' in document
+
+    def convert(self) -> None:
         name = plain(str(self.entry.get("SurveyName") or "")).text[:200] or "Survey"
         self.into.title = self.into.same(name)
         self.into.source = f"Qualtrics, {plain(str(self.entry.get('SurveyID') or name)).text}"
         asked: set[str] = set()
         for block in self._blocks_in_order():
             asked |= set(self._take(block))
-        for question in self.questions:
+        for question, payload in self.questions.items():
             if question not in asked:
-                self._leave(
-                    question, _("It is not part of the survey: it is in the trash or unused.")
-                )
+                reason = _("It is not part of the survey: it is in the trash or unused.")
+                text = str(payload.get("QuestionText") or "")
+                self.into.leave_out(_name(payload), reason, text)
         for element in self.elements:
             if element.get("Element") == "SQ" and not mapping(element.get("Payload")):
                 name = str(element.get("PrimaryAttribute") or "SQ")
                 self.into.leave_out(name, _("The file has no question with this name."))
         self._rest()
-        self.into.finish()
-        return self.into
-
-    def _payload(self, element: str) -> Any:
-        return next(
-            (one.get("Payload") for one in self.elements if one.get("Element") == element), None
-        )
 
     def _languages(self) -> list[str]:
         first = language_of(str(self.entry.get("SurveyLanguage") or "EN")) or "en"
-        found = dict.fromkeys(
+        found = [
             language_of(code)
             for payload in self.questions.values()
             for code, texts in mapping(payload.get("Language")).items()
             if mapping(texts).get("QuestionText")
-        )
-        return [first, *(lang for lang in found if lang and lang != first)]
+        ]
+        return [language for language in dict.fromkeys([first, *found]) if language]
 
-    # the order of the blocks
-
-    def _blocks_in_order(self) -> Iterator[dict[str, Any]]:
-        flow = mapping(self._payload("FL")).get("Flow")
+    def _blocks_in_order(self) -> list[dict[str, Any]]:
+        flow = mapping(self.payloads.get("FL")).get("Flow")
         order = list(self._flow(flow)) if isinstance(flow, list) else list(self.blocks)
-        for one in dict.fromkeys(order):
-            block = self.blocks.get(one)
-            if block is not None and block.get("Type") != "Trash":
-                yield block
+        return [
+            self.blocks[one]
+            for one in dict.fromkeys(order)
+            if one in self.blocks and self.blocks[one].get("Type") != "Trash"
+        ]
 
     def _flow(self, flow: list[Any], depth: int = 0) -> Iterator[str]:
-        """Yield the ids of the blocks in the order of the flow, and report what else it has."""
-        if depth > 30:
-            return
-        for part in (mapping(one) for one in flow):
+        """Yield the ids of the blocks in the order of the flow, and report its other parts."""
+        for part in map(mapping, flow if depth <= MAX_DEPTH else ()):
             kind = str(part.get("Type"))
             if kind in _IN_ORDER:
                 yield str(part.get("ID"))
             elif kind not in _QUIET_FLOW:
-                self._flow_part(kind, part)
+                name = _("Survey flow: %(name)s") % {"name": part.get("Description") or kind}
+                reason = _LOST_FLOW.get(kind, _("This site has no equivalent."))
+                self.into.leave_out(name, str(reason))
             inner = part.get("Flow")
             if isinstance(inner, list):
                 yield from self._flow(inner, depth + 1)
-
-    def _flow_part(self, kind: str, part: dict[str, Any]) -> None:
-        reasons = {
-            "Branch": _("Branches are not imported: all blocks are asked."),
-            "BlockRandomizer": _(
-                "The random order of blocks is not imported: blocks are asked in the written order."
-            ),
-            "EmbeddedData": _("Embedded data is not imported: a study records its own data."),
-        }
-        name = _("Survey flow: %(name)s") % {"name": part.get("Description") or kind}
-        self.into.leave_out(name, reasons.get(kind, _("This site has no equivalent.")))
-
-    # questions
 
     def _take(self, block: dict[str, Any]) -> Iterator[str]:
         options = mapping(block.get("Options"))
@@ -164,149 +438,74 @@ class _QsfConversion:
                 _("Block: %(name)s") % {"name": block.get("Description")},
                 _("Loops are not imported: the questions are asked once."),
             )
-        for element in by_id(block.get("BlockElements")).values():
-            one = mapping(element)
+        for one in map(mapping, by_id(block.get("BlockElements")).values()):
+            question = str(one.get("QuestionID"))
             if one.get("Type") == "Page Break":
                 self.into.page(is_shuffled=shuffled)
-            elif one.get("Type") == "Question" and str(one.get("QuestionID")) in self.questions:
-                question = str(one["QuestionID"])
+            elif one.get("Type") == "Question" and question in self.questions:
                 yield question
-                self._ask(question, has_skip=bool(one.get("SkipLogic")))
+                self._ask(self.questions[question], has_skip=bool(one.get("SkipLogic")))
 
-    def _ask(self, question: str, *, has_skip: bool) -> None:
-        payload = self.questions[question]
+    def _ask(self, payload: Payload, *, has_skip: bool) -> None:
         note = self.into.note(_name(payload), str(payload.get("QuestionText") or ""))
+        logic = payload.get("DisplayLogic")
+        shown_to_all = _("Its display logic is not imported: it is shown to everybody.")
         with self.into.trying(note):
-            self._take_question(note, payload)
-            self._remark(note, payload, has_skip=has_skip)
+            asked = QualtricsConversion(self.into, note, payload)
+            if asked.kind == "DB" and asked.selector in {"TB", "PTB"}:
+                self.into.introduce(note, self.into.text(asked.raw_text(), note))
+                if logic:
+                    note.changed(shown_to_all)
+            else:
+                chosen = _selected(mapping(logic))
+                condition = self.into.condition(note, chosen, shown_to_all) if logic else None
+                self.into.ask(note, asked.items(), condition)
+            self._remark(asked, has_skip=has_skip)
 
-    def _take_question(self, note: Note, payload: dict[str, Any]) -> None:
-        asked = QualtricsConversion(self.into, note, payload)
-        if asked.kind == "DB" and asked.selector in {"TB", "PTB"}:
-            self.into.say(note, self.into.text(asked.raw("QuestionText"), note))
-            if payload.get("DisplayLogic"):
-                note.changed(_("Its display logic is not imported: it is shown to everybody."))
-            return
-        condition = self._condition(note, payload.get("DisplayLogic"))
-        items = _items_of(asked)
-        if condition is not None:
-            items = [{"show_if": condition} | item for item in items]
-        self.into.ask(note, items)
-
-    def _remark(self, note: Note, payload: dict[str, Any], *, has_skip: bool) -> None:
-        if has_skip:
-            note.changed(_("Its skip logic is not imported: nothing is skipped."))
-        if payload.get("QuestionJS"):
-            note.changed(_("Its JavaScript is not imported."))
-        if _custom(payload):
-            note.changed(_("Its own validation rules are not imported."))
-        if payload.get("GradingData"):
-            note.changed(_("Its scores are not imported."))
-        if payload.get("DefaultChoices"):
-            note.changed(_("Its default answer is not imported: no answer is preselected."))
-        note_reversal(note, str(payload.get("QuestionDescription") or "")[:200])
-
-    def _condition(self, note: Note, logic: Any) -> dict[str, Any] | None:
-        """Return `show_if` for "one of these choices was selected"; anything else is noted."""
-        if not logic:
-            return None
-        chosen = list(_selected(mapping(logic)))
-        condition = None
-        if chosen and None not in chosen:
-            condition = self.into.condition([one for one in chosen if one is not None])
-        if condition is None:
-            note.changed(_("Its display logic is not imported: it is shown to everybody."))
-        return condition
-
-    def _leave(self, question: str, reason: str) -> None:
-        payload = self.questions[question]
-        self.into.leave_out(_name(payload), reason, str(payload.get("QuestionText") or ""))
+    def _remark(self, asked: QualtricsConversion, *, has_skip: bool) -> None:
+        payload, settings = asked.payload, asked.settings
+        has_rules = settings.get("CustomValidation") or settings.get("Type") == "CustomValidation"
+        default = _("Its default answer is not imported: no answer is preselected.")
+        for lost, remark in (
+            (has_skip, _("Its skip logic is not imported: nothing is skipped.")),
+            (payload.get("QuestionJS"), _("Its JavaScript is not imported.")),
+            (has_rules, _("Its own validation rules are not imported.")),
+            (payload.get("GradingData"), _("Its scores are not imported.")),
+            (payload.get("DefaultChoices"), default),
+        ):
+            if lost:
+                asked.note.changed(remark)
+        asked.note_reversal(str(payload.get("QuestionDescription") or "")[:200])
 
     def _rest(self) -> None:
+        nowhere = _("This site has no equivalent.")
         for element in self.elements:
             if str(element.get("Element")) not in _QUIET:
-                self.into.leave_out(
-                    f"{element.get('Element')}: {element.get('PrimaryAttribute')}",
-                    _("This site has no equivalent."),
-                )
-        options = mapping(self._payload("SO"))
+                name = f"{element.get('Element')}: {element.get('PrimaryAttribute')}"
+                self.into.leave_out(name, nowhere)
+        options = mapping(self.payloads.get("SO"))
         for name in ("Header", "Footer", "EOSMessage"):
             if options.get(name):
-                self.into.leave_out(name, _("This site has no equivalent."), str(options[name]))
-        if mapping(self._payload("SCO")).get("ScoringCategories"):
-            self.into.leave_out(
-                _("Scoring"), _("Choose the scoring yourself, in the questionnaire.")
-            )
-        translated = {language_of(code) for code in mapping(options.get("AvailableLanguages"))}
-        for lang in sorted(translated - set(self.into.languages) - {""}):
-            self.into.leave_out(lang, _("The file has no translated question in this language."))
+                self.into.leave_out(name, nowhere, str(options[name]))
+        if mapping(self.payloads.get("SCO")).get("ScoringCategories"):
+            reason = _("Choose the scoring yourself, in the questionnaire.")
+            self.into.leave_out(_("Scoring"), reason)
+        translated = set(map(language_of, mapping(options.get("AvailableLanguages"))))
+        reason = _("The file has no translated question in this language.")
+        for language in sorted(translated - {"", *self.into.languages}):
+            self.into.leave_out(language, reason)
 
 
-def _name(payload: dict[str, Any]) -> str:
+def _name(payload: Payload) -> str:
     return str(payload.get("DataExportTag") or payload.get("QuestionID") or "")
 
 
-def _custom(payload: dict[str, Any]) -> bool:
-    settings = mapping(mapping(payload.get("Validation")).get("Settings"))
-    return bool(settings.get("CustomValidation")) or settings.get("Type") == "CustomValidation"
-
-
-def _selected(logic: dict[str, Any]) -> Iterator[tuple[str, str] | None]:
-    """Yield the question and choice of each part of a logic that only joins selected choices by
-    "or"; None for any other part.
-    """
+def _selected(logic: Mapping[str, Any]) -> Iterator[tuple[str, str] | None]:
+    """Yield question and choice of each part of an "or" of selected choices; None for others."""
     groups = [group for name, group in logic.items() if name.isdigit()]
-    for group in groups:
-        for name, part in mapping(group).items():
-            if not name.isdigit():
-                continue
-            one = mapping(part)
-            found = _CHOICE.match(str(one.get("LeftOperand") or one.get("ChoiceLocator") or ""))
-            joined = str(one.get("Conjuction") or "Or").lower() == "or"
-            if found and joined and one.get("Operator") == "Selected" and len(groups) == 1:
-                yield found["question"], found["choice"]
-            else:
-                yield None
-
-
-def _columns_of(asked: QualtricsConversion) -> list[Item]:
-    """SBS: several matrices with the same rows, one a column."""
-    asked.note.changed(_("Each column becomes a separate question."))
-    columns = by_id(asked.payload.get("AdditionalQuestions"))
-    rows = {name: asked.payload.get(name) for name in ("Choices", "ChoiceOrder")}
-    items: list[Item] = []
-    for one, column in columns.items():
-        inner = QualtricsConversion(asked.draft, asked.note, {**mapping(column), **rows})
-        inner.name = f"{asked.name}_{one}"
-        converter = _TYPES.get(inner.kind)
-        if converter is None or converter is _columns_of:
-            raise NotImportedError(no_counterpart(inner))
-        made = converter(inner)
-        text = asked.text()
-        items += [
-            {**item, "text": asked.draft.joined(text, item["text"], by=" – ")} for item in made
-        ]
-    return items
-
-
-# By type and selector; a type without an entry has no counterpart.
-_TYPES: dict[str, Callable[[QualtricsConversion], list[Item]]] = {
-    "MC": choice,
-    "Matrix": matrix,
-    "TE": text_entry,
-    "Slider": slider,
-    "RO": ranking,
-    "SBS": _columns_of,
-}
-
-
-def _items_of(asked: QualtricsConversion) -> list[Item]:
-    """Return what a question becomes.
-
-    Raises:
-        NotImportedError: it has no counterpart here.
-    """
-    converter = _TYPES.get(asked.kind)
-    if converter is None:
-        raise NotImportedError(no_counterpart(asked))
-    return converter(asked)
+    parts = (one for group in groups for one in mapping(group).items())
+    for one in (mapping(part) for name, part in parts if name.isdigit()):
+        found = _CHOICE.match(str(one.get("LeftOperand") or one.get("ChoiceLocator") or ""))
+        joined = str(one.get("Conjuction") or "Or").lower() == "or"
+        is_plain = joined and one.get("Operator") == "Selected" and len(groups) == 1
+        yield (found["question"], found["choice"]) if found and is_plain else None

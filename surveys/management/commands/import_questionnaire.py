@@ -10,13 +10,10 @@ from django.utils import timezone
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import MAX_FILE, ImportedSurvey, import_survey
 from surveys.importing.report import ImportReport
-from surveys.importing.survey_format import Wishes
 from surveys.questionnaires import store_next
 
 
 class Command(BaseCommand):
-    """Report what a file holds, and store it only when asked to."""
-
     help = (
         "Read a survey exported from Qualtrics (.qsf), LimeSurvey (.lss) or REDCap (data "
         "dictionary, .csv), and report what is imported, changed and not imported."
@@ -38,17 +35,18 @@ class Command(BaseCommand):
         try:
             with path.open("rb") as file:
                 document = file.read(MAX_FILE + 1)
-            wishes = Wishes(options["language"], options["form"])
-            found = import_survey(document, wishes, options["name"])
-            self._tell(found.report)
-            self._finish(found, save=options["save"])
+            found = import_survey(
+                document, *(options[name] for name in ("language", "form", "name"))
+            )
+            self._write_report(found.report)
+            self._save(found, save=options["save"])
         except BadDefinitionError as error:
-            told = "\n".join(f"  {problem}" for problem in error.problems)
-            raise CommandError(f"{path} cannot be imported:\n{told}") from error
+            problems = "\n".join(f"  {problem}" for problem in error.problems)
+            raise CommandError(f"{path} cannot be imported:\n{problems}") from error
         except OSError as error:
             raise CommandError(f"{error.filename}: {error.strerror}.") from error
 
-    def _tell(self, report: ImportReport) -> None:
+    def _write_report(self, report: ImportReport) -> None:
         for note in report.notes:
             keys = f" → {', '.join(note.keys)}" if note.keys else ""
             self.stdout.write(f"{note.label}: {note.name}{keys}")
@@ -56,11 +54,10 @@ class Command(BaseCommand):
                 self.stdout.write(f"    “{note.text}”")
             for remark in note.remarks:
                 self.stdout.write(f"    {remark}")
-        self.stdout.write(
-            " · ".join(f"{label}: {count}" for _outcome, label, count in report.counts())
-        )
+        counts = (f"{label}: {count}" for _outcome, label, count in report.counts())
+        self.stdout.write(" · ".join(counts))
 
-    def _finish(self, found: ImportedSurvey, *, save: bool) -> None:
+    def _save(self, found: ImportedSurvey, *, save: bool) -> None:
         if found.definition is None:
             raise BadDefinitionError(found.problems)
         if not save:

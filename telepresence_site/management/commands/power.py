@@ -2,13 +2,10 @@
 
 import json
 from argparse import ArgumentParser, ArgumentTypeError
-from pathlib import Path
 from typing import Any
 
 from django.core.management import BaseCommand, CommandError
 
-from experiments.analysis.dataset.folder import DatasetError, read
-from experiments.analysis.power.assumptions import of_bots
 from experiments.analysis.power.search import STUDIES, PowerOptions, power_report, power_table
 from experiments.analysis.tables.table import Table
 from experiments.definition.schema import StudyDefinition
@@ -49,11 +46,6 @@ class Command(BaseCommand):
             help=f"studies to simulate for each number [{STUDIES}]",
         )
         parser.add_argument("--seed", type=int, default=1, help="random seed [1]")
-        parser.add_argument(
-            "--from-bots",
-            type=Path,
-            help="folder of an export: take means, SDs and correlations from its bots' drives",
-        )
         parser.add_argument("--json", action="store_true", help="write the table as JSON")
 
     def handle(self, *_args: Any, **options: Any) -> None:
@@ -62,24 +54,10 @@ class Command(BaseCommand):
             raise CommandError("The study declares no analysis: there is nothing to simulate.")
         if not 1 <= options["studies"] <= MOST_STUDIES:
             raise CommandError(f"Give --studies from 1 to {MOST_STUDIES}.")
-        how = PowerOptions(
-            options["seed"], options["studies"], _observed(options["from_bots"]), _orders(study)
-        )
+        how = PowerOptions(options["seed"], options["studies"], _orders(study))
         found = power_report(study, options["participants"], how)
         table = power_table(study, found, how.studies)
         self.stdout.write(as_json(table) if options["json"] else as_text(table))
-
-
-def _observed(folder: Path | None) -> dict[str, Any]:
-    if folder is None:
-        return {}
-    try:
-        found = of_bots(read(folder))
-    except DatasetError as error:
-        raise CommandError(str(error)) from error
-    if not found:
-        raise CommandError(f"{folder} has too few drives of bots in each condition.")
-    return dict(found)
 
 
 def _orders(study: StudyDefinition) -> dict[tuple[str, ...], list[tuple[str, ...]]]:

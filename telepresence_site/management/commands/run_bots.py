@@ -5,6 +5,7 @@ times faster in a sandbox.
 import asyncio
 import json
 from argparse import ArgumentParser
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -112,7 +113,7 @@ class Command(BaseCommand):
         with ended_by_signals():
             bots = crowd_of(study, orders, url, lambda one: self.stdout.write(line_of(one)))
             diaries = asyncio.run(bots.run())
-        return [diary.as_data() for diary in diaries]
+        return [asdict(diary) for diary in diaries]
 
     def _in_sandbox(self, study: Study, orders: Orders) -> list[dict[str, Any]]:
         with sandbox_folder(study.slug) as folder:

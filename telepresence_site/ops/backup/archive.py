@@ -111,6 +111,7 @@ def _write(
         info = tarfile.TarInfo(MANIFEST)
         info.size, info.mode = len(content), 0o600
         archive.addfile(info, io.BytesIO(content))
+    return manifest
 
 
 def unpack(source: str, directory: str, largest: int) -> dict[str, Any]:

@@ -112,11 +112,10 @@ def _fits(manifest: dict[str, Any]) -> list[str]:
             f"The backup is of a {manifest['engine']} database, but DATABASE_URL "
             f"names a {connection.vendor} one."
         )
-    known = {
-        f"{app}.{name}"
-        for app, name in MigrationLoader(None, ignore_no_migrations=True).disk_migrations
-    }
-    newer = sorted(set(manifest["migrations"]) - known)
+    migrations = MigrationLoader(None, ignore_no_migrations=True).disk_migrations.values()
+    known = {str(migration) for migration in migrations}
+    replaced = {f"{app}.{name}" for migration in migrations for app, name in migration.replaces}
+    newer = sorted(set(manifest["migrations"]) - known - replaced)
     if newer:
         count = "one migration" if len(newer) == 1 else f"{len(newer)} migrations"
         raise BackupError(

@@ -76,7 +76,7 @@ def test_a_study_comes_in_as_a_file_and_goes_out_the_same(client, boss):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "problem"),
     [
         ("{", "not valid JSON"),
         ("[]", "Expected `object`"),
@@ -91,10 +91,10 @@ def test_a_study_comes_in_as_a_file_and_goes_out_the_same(client, boss):
         ("", "Choose a file, paste its text, or enter a name"),
     ],
 )
-def test_what_is_wrong_with_a_file_is_told_and_nothing_comes_in(client, boss, content, told):
+def test_invalid_file_shows_its_problems_and_stores_nothing(client, boss, content, problem):
     answer = client.post(reverse(ADD), {"document": content})
     assert answer.status_code == 200
-    assert told in read(answer).text
+    assert problem in read(answer).text
     assert not Study.objects.exists()
 
 
@@ -104,7 +104,7 @@ def test_a_file_never_replaces_a_version_that_is_here_already(client, boss, stud
     assert Study.objects.get().title == "Cabin"
 
 
-def test_somebody_elses_name_cannot_be_taken(client, study):
+def test_name_of_a_foreign_study_is_refused(client, study):
     user = member(client, None)
     user.user_permissions.set(Permission.objects.filter(codename="add_study"))
     answer = client.post(reverse(ADD), {"document": json.dumps({**STUDY, "version": 2})})
@@ -202,7 +202,7 @@ def test_a_study_of_others_is_not_there_on_any_page(client, study):
     assert Study.objects.get().status == Study.Status.DRAFT
 
 
-def test_whoever_is_no_staff_is_sent_to_log_in(client, study):
+def test_users_without_staff_status_are_sent_to_log_in(client, study):
     user = person("visitor")
     StudyMember.objects.create(slug=study.slug, user=user, role="owner")
     client.force_login(user)
@@ -255,7 +255,7 @@ def test_the_pages_have_no_faults(client, boss, study):
         name: [fault for fault in faults(read(client.get(address))) if not own.match(fault)]
         for name, address in pages.items()
     }
-    assert {name: told for name, told in found.items() if told} == {}
+    assert {name: wrong for name, wrong in found.items() if wrong} == {}
 
 
 # --- publishing -----------------------------------------------------------------------------------
@@ -413,7 +413,7 @@ def test_the_overview_gives_the_link_for_participants(client, boss, published):
 
 def test_researchers_see_the_codes_that_recruitment_sites_are_told(client, boss, published):
     codes = completion.codes(published)
-    assert list(codes) == ["done", "technical_failure"]
+    assert list(codes) == ["done", "timed_out", "technical_failure", "left"]
     text = read(client.get(at("change", published))).text
     assert all(code in text for code in codes.values())
     assert "turned away" not in text

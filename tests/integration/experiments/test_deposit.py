@@ -57,9 +57,9 @@ def place(request, monkeypatch):
 
 
 def deposited(study, place, **options) -> str:
-    told = io.StringIO()
-    call_command("deposit", study.slug, to=place[0], url=place[2], stdout=told, **options)
-    return told.getvalue()
+    output = io.StringIO()
+    call_command("deposit", study.slug, to=place[0], url=place[2], stdout=output, **options)
+    return output.getvalue()
 
 
 def refusal(study, place, **options) -> str:
@@ -69,11 +69,11 @@ def refusal(study, place, **options) -> str:
     return str(caught.value)
 
 
-def test_a_dataset_becomes_a_draft_once_and_a_second_run_sends_only_what_changed(study, place):
+def test_second_deposit_reuses_the_draft_and_sends_only_changed_files(study, place):
     name, shelf, _ = place
     archive = f"{study.slug}-{study.version}.zip"
-    told = deposited(study, place)
-    assert "Not published" in told
+    output = deposited(study, place)
+    assert "Not published" in output
     ((draft, files),) = shelf.files.items()
     assert set(files) == {"README.md", "dataset_description.json", "SHA256SUMS", archive}
     with zipfile.ZipFile(io.BytesIO(files[archive])) as found:
@@ -81,7 +81,7 @@ def test_a_dataset_becomes_a_draft_once_and_a_second_run_sends_only_what_changed
         assert found.read("README.md") == files["README.md"]
     assert not any("publish" in path for _method, path in shelf.requests)
     assert AuditEntry.objects.filter(act="study_deposited", study=study.slug).exists()
-    assert GOOD not in json.dumps(Study.objects.get(pk=study.pk).deposits) + told
+    assert GOOD not in json.dumps(Study.objects.get(pk=study.pk).deposits) + output
 
     sent, before = len(shelf.uploads), md5(files[archive]).hexdigest()
     again = deposited(study, place)
@@ -103,7 +103,7 @@ def test_a_dataset_becomes_a_draft_once_and_a_second_run_sends_only_what_changed
         assert about["public"] is False
 
 
-def test_what_broke_off_goes_on_where_it_was(study, place):
+def test_interrupted_deposit_is_resumed(study, place):
     _, shelf, _ = place
     shelf.hangs_up_at = f"{study.slug}-{study.version}.zip"
     assert "was lost" in refusal(study, place)
@@ -116,7 +116,7 @@ def test_what_broke_off_goes_on_where_it_was(study, place):
     assert len(shelf.files) == 1
 
 
-def test_each_refusal_says_what_to_do(study, place, monkeypatch):
+def test_each_refusal_has_an_instruction(study, place, monkeypatch):
     name, shelf, _ = place
     variable = f"{name.upper()}_TOKEN"
     monkeypatch.setenv(variable, "wrong-token")
@@ -136,7 +136,7 @@ def test_each_refusal_says_what_to_do(study, place, monkeypatch):
     assert "lost" in refusal(study, (name, shelf, "http://127.0.0.1:9/api"))
 
 
-def test_a_token_does_not_follow_a_redirection_and_goes_nowhere_unencrypted(study, place):
+def test_token_is_sent_neither_to_a_redirection_nor_unencrypted(study, place):
     name, shelf, _ = place
     shelf.redirects = True
     assert "302" in refusal(study, place)
@@ -144,7 +144,7 @@ def test_a_token_does_not_follow_a_redirection_and_goes_nowhere_unencrypted(stud
     assert "over HTTPS" in refusal(study, (name, shelf, "http://zenodo.example/api"))
 
 
-def test_a_draft_that_was_deleted_is_made_again_and_a_published_one_is_left_alone(study, place):
+def test_deleted_draft_is_replaced_and_published_one_is_not_changed(study, place):
     _, shelf, _ = place
     deposited(study, place)
     shelf.drafts.clear()
@@ -155,7 +155,7 @@ def test_a_draft_that_was_deleted_is_made_again_and_a_published_one_is_left_alon
 
 
 @pytest.mark.parametrize("place", ["zenodo"], indirect=True)
-def test_metadata_that_zenodo_would_refuse_are_told_before_anything_is_sent(study, place):
+def test_metadata_that_zenodo_would_refuse_are_refused_before_sending(study, place):
     Study.objects.filter(pk=study.pk).update(publication={})
     assert "at least one author" in refusal(study, place)
     assert place[1].requests == []
@@ -165,7 +165,7 @@ def test_metadata_that_zenodo_would_refuse_are_told_before_anything_is_sent(stud
 
 
 @pytest.mark.django_db(transaction=True)
-async def test_the_page_shows_what_the_upload_says(study):
+async def test_page_shows_the_output_of_the_upload(study):
     owner = await sync_to_async(person)("olga")
     await StudyMember.objects.acreate(slug=study.slug, user=owner, role="owner")
     client = AsyncClient()
@@ -173,8 +173,8 @@ async def test_the_page_shows_what_the_upload_says(study):
     action = reverse("analysis_deposit", args=[study.slug])
     answer = await client.post(action, {"to": "zenodo", "token": "  "})
     assert answer["Content-Type"].startswith("text/plain")
-    told = b"".join([part async for part in answer.streaming_content]).decode()
-    assert "Set ZENODO_TOKEN to a token of Zenodo" in told
+    output = b"".join([part async for part in answer.streaming_content]).decode()
+    assert "Set ZENODO_TOKEN to a token of Zenodo" in output
 
 
 def test_the_export_page_offers_it_to_owners_alone(client, study):

@@ -7,8 +7,7 @@ from dataclasses import replace
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import SpeedSetting
+from experiments.bots.driver import Driver, Guide, SpeedSetting
 from experiments.bots.view import View
 from experiments.definition.course import CourseTrack, lay_out
 from experiments.definition.shipped import shipped
@@ -38,7 +37,7 @@ def test_contacts_that_meet_for_half_a_second_end_nothing_and_are_an_attempt():
     assert engine.result.outcome is None
     assert told(engine)[-2:] == [("dock_contact", 1), ("dock_contact_lost", 1)]
     assert cues(engine)[-2:] == ["dock_hold", "dock_again"]
-    assert engine.cue.target == (track().dock.x, track().dock.y)
+    assert engine.progress.cue.target == (track().dock.x, track().dock.y)
     engine = run(drive.go(HOME).dock().records)
     assert engine.result.outcome == "completed"
     assert engine.result.dock_contacts == 2
@@ -47,7 +46,7 @@ def test_contacts_that_meet_for_half_a_second_end_nothing_and_are_an_attempt():
 
 def test_whoever_goes_on_pushing_is_told_to_let_go_until_they_do():
     engine = run(almost_home().touch(20.0, released=False).records)
-    assert (engine.result.outcome, engine.cue.key) == (None, "dock_hold")
+    assert (engine.result.outcome, engine.progress.cue.key) == (None, "dock_hold")
     engine = run(almost_home().touch(20.0, released=False).dock().records)
     assert engine.result.outcome == "completed"
 
@@ -188,7 +187,7 @@ class Hands:
         until = self.sim.time + within
         while self.engine.progress.outcome is None and self.sim.time < until:
             view = View(pose=self.sim.pose, localized=True)
-            view.task = Task(session="s", stamp=0.0, cue=self.engine.cue.key, number=0)
+            view.task = Task(session="s", stamp=0.0, cue=self.engine.progress.cue.key, number=0)
             speed = driver.decide(view, self.sim.time).speed
             self.steer(0.1, speed.linear, speed.angular)
 
@@ -223,7 +222,7 @@ def test_a_participant_who_slides_in_askew_is_not_done_and_drives_on_into_the_st
     )
     assert not hands.sim.docked
     assert hands.engine.result.outcome is None
-    assert hands.engine.cue.key == "dock_again"
+    assert hands.engine.progress.cue.key == "dock_again"
 
     hands.go_home()
     result = hands.engine.result

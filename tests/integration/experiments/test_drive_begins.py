@@ -114,7 +114,7 @@ def first_time_user(study: Any, name: str) -> User:
 def test_a_participant_waits_and_is_told_why(robot, study, changes, reason):
     stands(robot, **changes)
     taken = ask(robot, first_time_user(study, "ada"), NOW)
-    assert isinstance(taken, store.TakeQueued)
+    assert isinstance(taken, store.Queued)
     assert (taken.place, taken.reason) == (1, f"start: {reason}")
     assert not Drive.objects.exists()
 
@@ -127,7 +127,7 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     store.end(str(first.session_id), "cancelled", "left", NOW)
     ben = first_time_user(study, "ben")
     taken = ask(robot, ben, NOW)
-    assert isinstance(taken, store.TakeQueued)
+    assert isinstance(taken, store.Queued)
 
     told = looks(Scheduler(), 0.5, 1.0, 3.0)
     assert (protocol.Queued, "start: not_docked") in told
@@ -138,10 +138,10 @@ def test_the_second_participant_does_not_begin_where_the_first_ended_whoever_res
     assert "it is not docked" in mail.outbox[0].body
     looks(Scheduler(), 61.0, 70.0, 80.0)  # and a third one
     assert len(mail.outbox) == 1
-    assert isinstance(ask(robot, ben, later(81.0)), store.TakeQueued), (
+    assert isinstance(ask(robot, ben, later(81.0)), store.Queued), (
         "nor does a page that is loaded again begin"
     )
-    assert now_in(study.slug, "en", later(81.0))["robots"][0]["unready"] == "it is not docked"
+    assert now_in(study.slug, later(81.0))["robots"][0]["unready"] == "it is not docked"
 
     stands(robot)  # somebody has put it back
     told = looks(second, 82.0)
@@ -157,7 +157,7 @@ def test_the_same_happens_a_second_time(robot, study):
         at = later(1000.0 * number)
         stands_away(robot)
         user = first_time_user(study, name)
-        assert isinstance(ask(robot, user, at), store.TakeQueued)
+        assert isinstance(ask(robot, user, at), store.Queued)
         looks(Scheduler(), 1000.0 * number + 1.0)
         stands(robot)
         looks(Scheduler(), 1000.0 * number + 2.0)
@@ -180,7 +180,7 @@ def test_a_robot_that_is_carried_away_while_it_is_offered_is_offered_again_when_
     stands_away(robot)
     looks(keeper, 3.0)
     assert Session.objects.get(pk=waiting.session).offered_at is None
-    assert isinstance(ask(robot, ada, later(4.0)), store.TakeQueued)
+    assert isinstance(ask(robot, ada, later(4.0)), store.Queued)
     looks(keeper, 60.0, 120.0)
     assert Session.objects.get(pk=waiting.session).state == "waiting"
     stands(robot)
@@ -196,7 +196,7 @@ def test_an_operator_passes_who_waits_and_drives_the_robot_home(robot, study):
     other = User.objects.create(username="other")
     waiting = ask(robot, ada, NOW)
     looks(Scheduler(), 1.0)
-    assert isinstance(ask(robot, other, later(2.0)), store.TakeQueued), (
+    assert isinstance(ask(robot, other, later(2.0)), store.Queued), (
         "who does not operate it waits behind"
     )
     driven = ask(robot, staff, later(3.0))

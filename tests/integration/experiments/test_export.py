@@ -1,5 +1,5 @@
-"""A study as files: whole, summed up, without a word about who took part; and the same report from
-them as from the database.
+"""A study as files: complete, with sums, without identities; and the same report from them as from
+the database.
 """
 
 import csv
@@ -10,7 +10,6 @@ import os
 import re
 import subprocess
 import sys
-import threading
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -20,18 +19,22 @@ import numpy as np
 import pytest
 from django.core.management import CommandError, call_command
 from django.db import connection
+from django.utils import timezone
 from mcap.reader import make_reader
 
-from experiments.analysis.dataset.columns import STATES
-from experiments.analysis.dataset.folder import read, write
-from experiments.analysis.dataset.records import Dataset
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection
+from experiments.dataset.counting import counting
+from experiments.dataset.folder import read, write
+from experiments.dataset.records import Dataset
+from experiments.dataset.states import STATES
+from experiments.definition.schema import as_stored
 from experiments.definition.shipped import shipped
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import SUMS, export_files, read_me
 from experiments.export.formats import FORMATS, ON_REQUEST, UnknownFormatError
-from experiments.models import Participant
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.extraction.selection import Selection
+from experiments.models import ConsentReceipt, Draw, Drive, Participant, Study
+from experiments.participation.withdrawal.deletion import withdraw
 from sessions.models import SessionEvent, Snapshot, StateChunk
 from surveys.models import Answer
 from surveys.questions.text import TextItem
@@ -53,9 +56,7 @@ def commented(definition):
 
 @pytest.fixture
 def stored():
-    """A study with four participants, one of whose sessions is excluded, and what nobody may learn
-    of them.
-    """
+    """A study with four participants, one excluded session, and data that identify participants."""
     made = made_up(np.random.default_rng(81), 4)
     first, *rest = made.sessions
     kept = put(
@@ -108,9 +109,9 @@ def exported(study, folder: Path, **choice) -> dict[str, bytes]:
     return contents(folder)
 
 
-def test_nothing_in_an_export_tells_who_took_part_and_when(stored, tmp_path):
+def test_export_contains_no_identity_and_no_date(stored, tmp_path):
     files = exported(stored.study, tmp_path)
-    del files[SUMS]  # any digits may stand in a sum by chance, and its files are all here
+    del files[SUMS]  # a sum may contain any digits by chance
     every = b"\n".join(name.encode() + content for name, content in files.items())
     for person in stored.people.values():
         for secret in (
@@ -136,7 +137,7 @@ def test_nothing_in_an_export_tells_who_took_part_and_when(stored, tmp_path):
         assert secret not in every, secret
 
 
-def test_who_may_have_everything_gets_it(stored, tmp_path):
+def test_identified_export_has_everything(stored, tmp_path):
     files = exported(stored.study, tmp_path, identified=True)
     every = b"\n".join(files.values())
     for secret in (
@@ -189,7 +190,7 @@ def test_the_sums_are_those_of_all_files_and_every_column_is_in_the_code_book(st
             ), name
 
 
-def test_all_sessions_are_there_also_those_that_failed_and_are_empty(tmp_path):
+def test_export_has_all_sessions_also_failed_and_empty_ones(tmp_path):
     made = made_up(np.random.default_rng(82), 4)
     endings = ("connection_refused", "cancelled", "robot_fault", "connection_lost")
     sessions = tuple(
@@ -212,7 +213,7 @@ def test_all_sessions_are_there_also_those_that_failed_and_are_empty(tmp_path):
     assert not (tmp_path / "data" / "states").exists()
 
 
-def test_an_archive_holds_what_the_folder_holds_and_is_the_same_twice(stored, tmp_path):
+def test_archive_has_the_files_of_the_folder_and_the_same_bytes_twice(stored, tmp_path):
     files = exported(stored.study, tmp_path)
     first, second = (b"".join(zipped(export_files(stored.study, Selection()))) for _ in range(2))
     assert first == second
@@ -221,7 +222,7 @@ def test_an_archive_holds_what_the_folder_holds_and_is_the_same_twice(stored, tm
         assert {name: archive.read(name) for name in archive.namelist()} == files
 
 
-def test_an_archive_holds_what_was_given_in_order_whatever_the_sizes_of_its_parts():
+def test_archive_has_its_files_in_order_with_parts_of_any_size():
     files = [
         ("a.csv", [b"1,2\n" * n for n in (1, 90_000, 3)]),
         ("empty.csv", []),
@@ -233,29 +234,23 @@ def test_an_archive_holds_what_was_given_in_order_whatever_the_sizes_of_its_part
         ]
 
 
-def test_who_breaks_an_archive_off_leaves_no_thread_behind_and_an_error_while_it_is_made_is_told():
-    def files(*, broken):
+def test_error_while_an_archive_is_made_ends_it():
+    def files():
         yield "a.csv", [b"1,2\n" * 90_000]
-        if broken:
-            raise ValueError("no such session")
-        yield "b.csv", (bytes(1000) for _ in range(1000))
+        raise ValueError("no such session")
 
     with pytest.raises(ValueError, match="no such session"):
-        list(zipped(files(broken=True)))
-    half = zipped(files(broken=False))
-    next(half)
-    half.close()
-    assert not [thread.name for thread in threading.enumerate() if thread.name.startswith("zip")]
+        list(zipped(files()))
 
 
-def test_the_same_study_gives_the_same_files_whenever_it_is_exported(stored, tmp_path):
+def test_the_same_study_gives_the_same_files_at_any_time(stored, tmp_path):
     assert exported(stored.study, tmp_path / "a") == exported(stored.study, tmp_path / "b")
 
 
-def test_whoever_withdrew_leaves_a_row_and_nothing_else(stored, tmp_path):
-    gone = stored.people["P001"]
-    Participant.objects.filter(pk=gone.pk).update(
-        status="withdrawn", withdrawn_step="task", slot=str(gone.pk)
+def test_participant_who_withdrew_has_one_row_in_an_export(stored, tmp_path):
+    withdrawn = stored.people["P001"]
+    Participant.objects.filter(pk=withdrawn.pk).update(
+        status="withdrawn", withdrawn_step="task", slot=str(withdrawn.pk)
     )
     exported(stored.study, tmp_path)
     found = read(tmp_path)
@@ -267,12 +262,42 @@ def test_whoever_withdrew_leaves_a_row_and_nothing_else(stored, tmp_path):
     }
 
 
-def test_bots_and_pilots_are_exported_as_what_they_are(stored, tmp_path):
+def test_bots_and_pilots_are_exported_with_their_kind(stored, tmp_path):
     Participant.objects.filter(code="P000").update(kind="bot")
     exported(stored.study, tmp_path)
     found = read(tmp_path)
     assert {one.participant for one in found.sessions if one.kind == "bot"} == {"P000"}
-    assert "P000" not in {one.participant for one in found.chosen().sessions}
+    assert "P000" not in {one.participant for one in counting(found).sessions}
+
+
+def test_exported_session_has_whether_it_counts_and_why_not(tmp_path):
+    made = made_up(np.random.default_rng(81), 4)
+    first, second, third, *rest = made.sessions
+    still = {"first_motion": float("nan"), "outcome": "cancelled"}
+    stored = put(
+        replace(
+            made,
+            sessions=(
+                replace(first, excluded="a test drive"),
+                replace(second, **still),
+                replace(third, first_frame=float("nan"), **still),
+                *rest,
+            ),
+        )
+    )
+    pilot = next(one.participant for one in rest if one.participant != first.participant)
+    Participant.objects.filter(code=pilot).update(kind="pilot")
+    exported(stored.study, tmp_path)
+    found = read(tmp_path)
+    whys = [one.counts_why for one in found.sessions]
+    assert whys[:3] == ["excluded", "not_driven", "not_exposed"]
+    assert {one.counts_why for one in found.sessions if one.participant == pilot} == {"pilot"}
+    kept = {one.id for one in found.sessions if one.counts}
+    assert {one.session for one in found.responses} > kept
+    assert {one.session for one in counting(found).responses} - {""} <= kept
+    with (tmp_path / "data/description-sessions_data.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["counts"] for row in rows] == [str(int(not why)) for why in whys]
 
 
 def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
@@ -285,7 +310,9 @@ def test_every_word_of_a_coded_column_is_in_the_code_book(stored, tmp_path):
             known[place] = {level["value"] for level in one["valueReference"]}
         if divided := re.search(r"words are separated by (.)$", one["description"]):
             dividers[place] = divided[1]
-    assert {name for _, name in dividers} == {"cell", "mismatch", "doors_closed", "problems"}
+    assert {name for _, name in dividers} == {
+        *("cell", "first_cell", "mismatch", "doors_closed", "problems"),
+    }
     assert set(dividers) <= set(known)
     checked = 0
     for name, content in files.items():
@@ -305,7 +332,7 @@ def test_a_format_that_is_not_there_is_an_error(stored, tmp_path):
     assert contents(tmp_path) == {}
 
 
-def test_every_format_on_request_says_what_it_is_and_who_may_have_it():
+def test_every_format_on_request_has_a_label_a_help_and_a_role():
     assert {"mcap", "snapshots"} <= set(ON_REQUEST) < set(FORMATS)
     for name, one in ON_REQUEST.items():
         assert one.help.startswith("with ")
@@ -313,7 +340,7 @@ def test_every_format_on_request_says_what_it_is_and_who_may_have_it():
         assert one.is_in(name, Selection(formats=frozenset({name})))
 
 
-def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_path):
+def test_mcap_reader_reads_the_recording_of_a_session(stored, tmp_path):
     files = exported(stored.study, tmp_path, formats=frozenset({"mcap"}))
     found = read(tmp_path)
     session = next(one for one in found.sessions if len(found.states(one.id)))
@@ -332,9 +359,7 @@ def test_a_session_is_a_recording_that_an_mcap_reader_reads_back(stored, tmp_pat
 
 @pytest.mark.nightly
 @pytest.mark.django_db(transaction=True)
-def test_reports_of_the_database_and_of_its_export_made_by_three_processes_are_the_same_bytes(
-    stored, tmp_path
-):
+def test_reports_of_database_and_export_by_three_processes_are_the_same(stored, tmp_path):
     environment = os.environ | {
         "DATABASE_URL": f"sqlite:///{connection.settings_dict['NAME']}",
         "VAR_DIR": str(tmp_path / "var"),
@@ -377,15 +402,15 @@ def test_a_study_without_participants_is_exported_and_analysed(tmp_path):
     assert (tmp_path / "report" / SUMS).exists()
 
 
-def test_a_dataset_of_bots_alone_says_so_and_how_its_report_is_made(tmp_path):
+def test_readme_of_a_dataset_of_bots_has_the_command_of_its_report(tmp_path):
     made = made_up(np.random.default_rng(7), 2)
     bots = [replace(one, kind="bot") for one in made.participants]
     sessions = [replace(one, kind="bot") for one in made.sessions]
     folder = tmp_path / "dataset"
     write(replace(made, participants=tuple(bots), sessions=tuple(sessions)), folder)
-    said = read_me(replace(made, participants=tuple(bots)))
-    assert "The dataset is of 2 bots." in said
-    assert "--dataset THIS_FOLDER --kind bot --out report" in said
+    text = read_me(replace(made, participants=tuple(bots)))
+    assert "The dataset is of 2 bots." in text
+    assert "--dataset THIS_FOLDER --kind bot --out report" in text
     assert "--dataset THIS_FOLDER --out report" in read_me(made)
     words = ("analyse_study", "--dataset", str(folder), "--out", str(tmp_path / "report"))
     with pytest.raises(CommandError, match="nobody of the kind participant"):
@@ -403,8 +428,8 @@ def test_the_reporting_sheets_of_participants_and_of_bots_are_in_an_export(bots,
         for n, one in enumerate(made.participants)
     ]
     stored = put(replace(made, participants=tuple(people)))
-    said = exported(stored.study, tmp_path)["reporting-sheet.md"].decode()
-    sheets = said.split("# Simulated participants (bots): Reporting sheet\n")
+    text = exported(stored.study, tmp_path)["reporting-sheet.md"].decode()
+    sheets = text.split("# Simulated participants (bots): Reporting sheet\n")
     assert len(sheets) == 2
     assert f"- in the dataset: {2 - bots} participant" in sheets[1]
     assert f"- in this sheet: {bots} bot" in sheets[1]
@@ -412,7 +437,7 @@ def test_the_reporting_sheets_of_participants_and_of_bots_are_in_an_export(bots,
     assert sheets[0].startswith("# Reporting sheet\n") == (bots == 1)
 
 
-def test_a_command_that_cannot_be_obeyed_says_why(stored, tmp_path):
+def test_invalid_options_of_the_command_are_refused_with_a_reason(stored, tmp_path):
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("mine")
     for words, reason in (
@@ -451,7 +476,111 @@ def test_states_without_numbers_are_written_and_read(tmp_path):
     exported(stored.study, tmp_path)
     found = read(tmp_path)
     states = found.states(Pseudonyms(stored.study.secret).session(chunk.session_id))
-    for name in ("tilt", "clearance", "silence", "clock_offset"):
+    for name in ("tilt", "clearance", "visitor_silence", "clock_offset"):
         assert np.isnan(states[name][: len(chunk.states)]).all()
         assert np.isfinite(states[name][len(chunk.states) :]).all()
-    assert states.values.shape[1] == len(STATES)
+    assert states.dtype.names == tuple(one.name for one in STATES)
+
+
+def lines(files: dict[str, bytes], name: str) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(files[f"data/description-{name}_data.csv"].decode())))
+
+
+def asking_for_sharing(study: Study) -> Study:
+    definition = study.as_definition()
+    consent = msgspec.structs.replace(definition.consent, sharing={"en": "May we publish?"})
+    whole = msgspec.structs.replace(definition, steps=(consent, *definition.steps[1:]))
+    Study.objects.filter(pk=study.pk).update(definition=as_stored(whole))
+    return Study.objects.get(pk=study.pk)
+
+
+def agreed(person: Participant, sharing: bool | None) -> None:
+    ConsentReceipt.objects.create(
+        participant=person,
+        step="consent",
+        version=1,
+        language="en",
+        text="",
+        text_sha256="",
+        sharing=sharing,
+        agreed_at=person.created_at,
+    )
+
+
+def test_public_dataset_is_of_those_who_agreed_without_exact_ages_and_devices(stored, tmp_path):
+    study = asking_for_sharing(stored.study)
+    yes, no, unasked, also = sorted(stored.people.values(), key=lambda one: one.code)
+    agreed(yes, True)
+    agreed(also, True)
+    agreed(no, False)
+    for one, age in ((yes, 37), (also, 20)):
+        Participant.objects.filter(pk=one.pk).update(age=age)
+    whole = exported(study, tmp_path / "whole")
+    files = exported(study, tmp_path / "public", public=True)
+    people = {row["id"]: row for row in lines(files, "participants")}
+    assert set(people) == {yes.code, also.code}
+    assert unasked.code not in b"".join(files.values()).decode(errors="replace")
+    assert (people[yes.code]["age"], people[yes.code]["age_band"]) == ("", "35–44")
+    exact = {row["id"]: row["age"] for row in lines(whole, "participants")}
+    assert exact[yes.code] == "37"
+    for name in ("sessions", "pages", "answers"):
+        assert no.code not in {row["participant"] for row in lines(files, name)}
+        assert no.code in {row["participant"] for row in lines(whole, name)}
+    about = [
+        {row[name] for row in lines(files, "sessions")} for name in ("os", "browser", "network")
+    ]
+    assert about == [{""}, {""}, {""}]
+    text = files["README.md"].decode()
+    assert "2 participants did not agree to be in it." in text
+    assert "| age_band | 1 | 2 of 2 |" in text
+    assert "## Anonymity" not in whole["README.md"].decode()
+
+
+@pytest.mark.parametrize(
+    "more", [{"identified": True}, {"free_text": True}, {"formats": frozenset({"snapshots"})}]
+)
+def test_public_dataset_cannot_have_names_texts_or_photos(more):
+    with pytest.raises(ValueError, match="public"):
+        Selection(public=True, **more)
+
+
+def test_every_draw_is_exported_with_what_repeats_it(stored, tmp_path):
+    person = next(iter(stored.people.values()))
+    about = {"study": stored.study, "participant": person, "kind": "participant", "seed": 7}
+    counts = {"giraff_open": 2, "giraff_lab_closed": 1}
+    Draw.objects.create(**about, number=1, nth=1, reason="first", cell="giraff_open", counts=counts)
+    levels = {"ict.games": "4"}
+    Draw.objects.create(**about, number=2, nth=2, reason="again", cell=person.cell, levels=levels)
+    Participant.objects.filter(pk=person.pk).update(draws_applied=2)
+    files = exported(stored.study, tmp_path / "whole")
+    first, second = lines(files, "draws")
+    assert (first["participant"], first["reason"], first["seed"]) == (person.code, "first", "7")
+    assert json.loads(first["counts"]) == counts
+    assert json.loads(second["levels"]) == levels
+    assert {row["at"] for row in (first, second)} == {""}
+    row = next(one for one in lines(files, "participants") if one["id"] == person.code)
+    assert (row["first_cell"], row["draws"]) == ("giraff_open", "2")
+    public = exported(stored.study, tmp_path / "public", public=True)
+    assert lines(public, "draws")[1]["levels"] == "{}"
+
+
+def test_flow_has_the_last_stage_of_a_withdrawn_participant(stored, tmp_path):
+    person = next(one for one in stored.people.values() if one.drives.exists())
+    withdraw(person, timezone.now())
+    (row,) = [
+        one
+        for one in lines(exported(stored.study, tmp_path), "participants")
+        if one["withdrawn"] == "1"
+    ]
+    assert row["stage"] == "answered"
+    assert row["age_band"] == row["age"] == ""
+
+
+def test_sessions_have_visit_round_and_versions(stored, tmp_path):
+    drive = next(iter(stored.drives.values()))
+    versions = {"server": "0.1.0+abc", "agent": "0.2", "definition": stored.study.sha256}
+    Drive.objects.filter(pk=drive.pk).update(visit=2, round=1, versions=versions)
+    rows = lines(exported(stored.study, tmp_path), "sessions")
+    (row,) = [one for one in rows if one["agent_version"]]
+    assert (row["visit"], row["round"], row["server_version"]) == ("2", "2", "0.1.0+abc")
+    assert (row["definition_version"], row["driver_version"]) == (stored.study.sha256, "")

@@ -1,5 +1,5 @@
-"""A pseudonymous export leads back to nobody: whatever the database holds of people, ids, times,
-hashes and addresses, none of it stands in any file, in any format.
+"""A pseudonymous export cannot be traced to a person: no file of any format contains the names,
+ids, times, hashes and addresses of the database.
 """
 
 import csv
@@ -16,12 +16,12 @@ import pytest
 
 from accounts.models import User
 from experiments.coding import store
-from experiments.dataset.allow_list import EVENTS
-from experiments.dataset.pseudonyms import Pseudonyms
-from experiments.dataset.selection import Selection
 from experiments.export.archive import unpacked, zipped
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
+from experiments.extraction.allow_list import EVENTS
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.extraction.selection import Selection
 from experiments.models import Coding, CodingEdit, Drive, Participant, TaskEvent
 from robots.api import messages as m
 from robots.api.codec import encode
@@ -49,7 +49,7 @@ def snake(kind: type) -> str:
 
 
 class Writer:
-    """Leaves every message in the record of one drive, on its own way and beside it."""
+    """Stores every message in the record of one drive, by the recorder and as rows."""
 
     def __init__(self, drive: Drive) -> None:
         self.drive, self.session = drive, drive.session
@@ -110,9 +110,7 @@ class Writer:
         return PageItem(report, self.now)
 
     def as_rows(self) -> None:
-        """Every message as an event of every source, by its own name and by those that are known:
-        as it would be if somebody wrote it down.
-        """
+        """Store every message as an event of every source, by its own name and by known names."""
         for source in ("robot", "server", "page"):
             for kind in kinds():
                 self.event(source, snake(kind), as_stored(self.fill.message(kind)))
@@ -165,7 +163,7 @@ def stored(_made):
         email="president.zb@betelgeuse.example",
     )
     Participant.objects.filter(pk=drive.participant_id).update(
-        recruitment=fill.anything(), draw_seed=fill.count(), completion_code=fill.word()[:20]
+        recruitment=fill.anything(), completion_code=fill.word()[:20]
     )
     RobotPresence.objects.filter(pk=drive.session.robot_id).update(
         factsheet=as_stored(fill.message(m.Factsheet, **PUBLIC))
@@ -216,17 +214,17 @@ def exported(study, folder: Path, **choice) -> dict[str, bytes]:
 
 
 @pytest.mark.nightly
-def test_nothing_that_the_database_holds_of_people_and_things_stands_in_any_file(stored, tmp_path):
+def test_no_file_contains_a_trace_of_people_and_things_of_the_database(stored, tmp_path):
     everything = known()
     files = exported(stored.study, tmp_path / "folder", formats=EVERY_FORMAT)
-    folders = {"data", "mcap", "snapshots", "codings", "SHA256SUMS"}
+    folders = {"data", "mcap", "labelled", "snapshots", "codings", "SHA256SUMS"}
     assert {name.split("/")[0] for name in files} >= folders
     archive = b"".join(zipped(export_files(stored.study, Selection(formats=EVERY_FORMAT))))
     assert traces({**files, "archive.zip": archive}, everything) == []
 
 
 @pytest.mark.nightly
-def test_the_search_finds_what_an_identified_export_has_in_every_format(stored, tmp_path):
+def test_search_finds_the_traces_in_every_format_of_an_identified_export(stored, tmp_path):
     everything = known()
     files = exported(stored.study, tmp_path, identified=True, formats=EVERY_FORMAT)
     found = traces(files, everything)
@@ -262,7 +260,7 @@ def rows(files: dict[str, bytes], name: str) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(files[f"data/description-{name}_data.csv"].decode())))
 
 
-def test_what_researchers_need_is_there(stored, tmp_path):
+def test_export_has_the_data_that_researchers_need(stored, tmp_path):
     files = exported(stored.study, tmp_path, formats=EVERY_FORMAT)
     events = [{**row, "data": json.loads(row["data"])} for row in rows(files, "events")]
     (photo,) = (
@@ -292,7 +290,7 @@ def test_what_researchers_need_is_there(stored, tmp_path):
         assert all(abs(float(one["stamp"])) < 3600.0 for one in states)
 
 
-def test_a_robot_whose_clock_counts_from_1970_does_not_tell_the_date(stored, tmp_path):
+def test_clock_that_counts_from_1970_does_not_reveal_the_date(stored, tmp_path):
     drive = list(stored.drives.values())[1]
     begin = drive.granted_at.timestamp()
     for chunk in drive.session.chunks.all():

@@ -254,7 +254,7 @@ def test_a_drive_whose_network_stays_away_is_lost_once_and_its_late_states_are_k
     walker.look()
     assert counted(walker) == before
     ended = Drive.objects.get(pk=drive.pk)
-    assert (ended.outcome, ended.exposed) == ("connection_lost", True)
+    assert (ended.outcome, ended.moved) == ("connection_lost", True)
     assert walker.participant.stage == ("filled" if place.step == "task" else "under_way")
 
 

@@ -101,14 +101,17 @@ def test_an_empty_study_has_the_usual_steps_and_says_what_is_missing():
         "thanks",
     ]
     assert "There is no condition; add at least one." in sentences(publishing.problems_of(row))
-    asked = "institution, duration, risks, retention, ethics approval, contact"
+    asked = (
+        "institution, duration, risks, retention, who gets copies, date of the analysis, "
+        "ethics approval, contact"
+    )
     english = ", ".join(f"[[{name}]]" for name in asked.split(", "))
-    told = [one for one in sentences(publishing.problems_of(row)) if "placeholders" in one]
-    assert len(told) == 1
-    assert told[0].startswith(
+    found = [one for one in sentences(publishing.problems_of(row)) if "placeholders" in one]
+    assert len(found) == 1
+    assert found[0].startswith(
         f"Step consent: fill in the placeholders of the text. en: {english}; es: [[institución]], "
     )
-    assert told[0].count("[[") == 12
+    assert found[0].count("[[") == 16
     with pytest.raises(BadDefinitionError, match="There is a study mine already"):
         publishing.begin_empty("mine", "My study", ["en"], NOW)
 
@@ -131,20 +134,20 @@ def test_a_consent_with_a_placeholder_is_not_published_and_names_it():
         return publishing.store(small_study(steps=steps), NOW)
 
     row = stored("Write to [[contact]]; see note [1].")
-    told = "Step consent: fill in the placeholders of the text. en: [[contact]]."
-    assert sentences(publishing.problems_of(row)) == [told]
+    found = "Step consent: fill in the placeholders of the text. en: [[contact]]."
+    assert sentences(publishing.problems_of(row)) == [found]
     with pytest.raises(publishing.NotPublishableError):
         publishing.publish(row, None, WHY, NOW)
     assert publishing.problems_of(stored("Write to Ada; see note [1].")) == []
 
 
-# --- what stands in the way -----------------------------------------------------------------------
+# --- problems here --------------------------------------------------------------------------------
 
 
 def test_without_sites_and_robots_a_study_cannot_be_run():
-    told = sentences(publishing.obstacles_here(small_study()))
-    assert "Course of giraff at cabin: there is no site cabin." in told
-    assert "Condition all_open: there is no robot of the series giraff." in told
+    found = sentences(publishing.obstacles_here(small_study()))
+    assert "Course of giraff at cabin: there is no site cabin." in found
+    assert "Condition all_open: there is no robot of the series giraff." in found
 
 
 def test_with_its_site_and_robot_nothing_stands_in_the_way():
@@ -222,7 +225,7 @@ def test_publishing_freezes_the_questionnaires():
     assert row.frozen_at is not None
 
 
-def test_what_was_changed_since_it_was_read_is_not_published():
+def test_study_changed_since_it_was_read_is_not_published():
     cabin_with_giraff()
     row = store(small_study(), NOW)
     publishing.save_draft(row, small_study(title={"en": "Hut"}))
@@ -305,7 +308,7 @@ def test_only_a_draft_that_nobody_took_part_in_may_be_deleted(published):
     assert not publishing.may_delete(draft)
 
 
-def test_who_brings_a_study_owns_it_and_no_second_owner_is_made():
+def test_first_user_of_a_study_becomes_its_only_owner():
     row = store(small_study(), NOW)
     ada = person()
     publishing.own(row, ada)

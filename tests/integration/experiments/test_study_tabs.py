@@ -32,7 +32,7 @@ def drive(monkeypatch):
     def refuse(*_args):
         raise NotComputedError("not now")
 
-    monkeypatch.setattr(analysis_cache, "fresh", refuse)
+    monkeypatch.setattr(analysis_cache, "report_for", refuse)
     robot = replays.cabin_robot()
     robot.presence.factsheet |= {
         "capabilities": ["velocity"],

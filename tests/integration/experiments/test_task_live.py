@@ -176,7 +176,7 @@ async def test_a_task_goes_on_over_the_death_of_the_session_manager_and_nothing_
         "docked",
         "task_ended",
     ]
-    assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == (
+    assert (drive.outcome, drive.moved, drive.participant.stage, drive.mismatches) == (
         "completed",
         True,
         "filled",

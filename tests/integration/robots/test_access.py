@@ -48,7 +48,7 @@ def test_everybody_who_is_signed_in_drives_and_watches_an_open_robot():
 
 
 @pytest.mark.parametrize("user", [None, AnonymousUser()])
-def test_somebody_who_is_not_signed_in_does_nothing(user):
+def test_a_visitor_who_is_not_logged_in_may_do_nothing(user):
     open_robot = robot()
     for question in (may_drive, may_observe, may_operate):
         assert question(user, open_robot).reason == "not_allowed"
@@ -162,7 +162,7 @@ def test_a_visitor_sees_open_and_permitted_robots_an_owner_his_own_and_who_overs
     assert names(AnonymousUser()) == ["open"]
 
 
-def test_who_enters_the_administration_for_something_else_operates_and_sees_no_robot_of_others():
+def test_staff_without_permission_for_robots_neither_operate_nor_see_others():
     staff, closed = (
         person("staff", is_staff=True),
         robot(owner=person("owner"), access=Access.INVITATION),
@@ -262,7 +262,7 @@ def test_a_guest_manages_and_operates_nothing_whatever_they_were_given():
 
 @pytest.mark.parametrize("count", [2, 40])
 @pytest.mark.parametrize("kind", ["guest", "visitor"])
-def test_which_robots_there_are_for_somebody_costs_the_same_for_many(
+def test_the_robots_of_a_user_need_the_same_queries_for_many_robots(
     count, kind, django_assert_max_num_queries
 ):
     for number in range(count):

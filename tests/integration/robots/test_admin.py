@@ -98,6 +98,22 @@ def test_the_list_shows_how_every_robot_is(client, researcher, giraff):
     is_clean(text)
 
 
+def test_the_deletion_of_a_robot_lists_no_parts_of_the_robot_itself(client, researcher, giraff):
+    Robot.objects.create(name="rhodon", title="The Rhodon")
+    pages = [client.get(f"/admin/robots/robot/{giraff.pk}/delete/")]
+    chosen = {"action": "delete_selected", "_selected_action": [str(giraff.pk)]}
+    pages.append(client.post("/admin/robots/robot/", chosen))
+    for page in pages:
+        text = page.content.decode()
+        assert "The Giraff" in text
+        assert "robot presence" not in text.lower()
+        assert "robot credentials" not in text.lower()
+        assert "object (" not in text
+    client.post(f"/admin/robots/robot/{giraff.pk}/delete/", {"post": "yes"})
+    assert [robot.name for robot in Robot.objects.all()] == ["rhodon"]
+    assert RobotPresence.objects.count() == 1
+
+
 def test_the_list_asks_the_database_no_more_for_more_robots(
     client, researcher, giraff, django_assert_max_num_queries
 ):

@@ -115,9 +115,7 @@ def test_the_image_named_in_the_yaml_is_not_followed(tmp_path):
     ],
     ids=map(str, range(13)),
 )
-def test_what_cannot_be_used_is_refused_with_a_sentence_and_changes_nothing(
-    yaml, picture, plan, word
-):
+def test_unusable_files_are_refused_with_a_sentence_and_change_nothing(yaml, picture, plan, word):
     with pytest.raises(FloorPlanRefusedError, match=word):
         store_upload(yaml, picture, plan, name="lab", title="The lab")
     assert not FloorPlan.objects.exists()

@@ -10,7 +10,7 @@ from django.core.management import CommandError, call_command
 
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.models import FloorPlan
-from robots.world.grid import encode_png, read_grey
+from robots.world.grid import decode_grey, encode_png
 from robots.world.robot_models import GIRAFF
 from robots.world.sites import SHIPPED, load_site
 
@@ -35,7 +35,7 @@ def folder(tmp_path) -> Path:
     (made / "plan.json").write_text(
         json.dumps(plan | {"mapId": "our-clinic", "title": "Our clinic"})
     )
-    grey = read_grey(made / "map.png")
+    grey = decode_grey((made / "map.png").read_bytes(), "map.png")
     (made / "first_floor.pgm").write_bytes(
         b"P5 %d %d 255\n" % (grey.shape[1], grey.shape[0]) + grey.tobytes()
     )
@@ -101,7 +101,7 @@ def spoil(folder: Path, what: str) -> None:
             (folder / "map.yaml").write_text(
                 (folder / "map.yaml").read_text().replace("negate: 0", "negate: 1")
             )
-            grey = read_grey(folder / "first_floor.pgm") * 0 + 254
+            grey = decode_grey((folder / "first_floor.pgm").read_bytes(), "map") * 0 + 254
             (folder / "first_floor.pgm").write_bytes(encode_png(grey))
         case "other scale":
             (folder / "map.yaml").write_text(

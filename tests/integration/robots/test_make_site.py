@@ -55,7 +55,7 @@ def test_a_map_becomes_a_site_for_pages_and_simulators(folder, var):
     assert Simulation(GIRAFF, site.plan, seed=1).docked
 
 
-def test_what_was_finished_by_hand_is_not_replaced_by_accident(folder):
+def test_a_plan_that_was_finished_by_hand_is_replaced_only_on_request(folder):
     make(folder)
     FloorPlan.objects.update(title="By hand")
     with pytest.raises(CommandError, match="--replace"):

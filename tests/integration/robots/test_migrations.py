@@ -1,64 +1,62 @@
-"""A robot's presence and credentials move to tables of their own, and back."""
-
-import json
-import os
-import shutil
+"""The first migrations of robots and sessions replace those of the versions before them."""
 
 import pytest
-
-from tests.support.django_shell import DjangoShell
-from tests.support.paths import ROOT
-from tests.support.programs.postgres import running_postgres
-from tests.support.sessions.site import DATABASE, empty_database
-
-MOVE = """
-import datetime, json
 from django.core.management import call_command
+from django.core.management.base import SystemCheckError
 from django.db import connection
-from django.db.migrations.executor import MigrationExecutor
-from robots.models import Robot, RobotCredentials, RobotPresence
+from django.db.migrations.loader import MigrationLoader
+from django.db.migrations.recorder import MigrationRecorder
 
-AT = datetime.datetime(2026, 1, 1, tzinfo=datetime.UTC)
-robot = Robot.objects.create(name="giraff", title="Giraff", held="repair")
-RobotPresence.objects.update(
-    connection="ONLINE", boot="b1", last_seen_at=AT, report={"seq": 3}, turnaround="charging"
-)
-RobotCredentials.objects.update(credential_hash="h", former_until=AT, screen_hash="s")
-rows = [list(model.objects.values()) for model in (Robot, RobotPresence, RobotCredentials)]
-call_command("migrate", "robots", "0016", verbosity=0)
-old = MigrationExecutor(connection).loader.project_state(("robots", "0016_experienced_help_text"))
-print(json.dumps(old.apps.get_model("robots", "Robot").objects.values().get(), default=str))
-call_command("migrate", verbosity=0)
-print(rows == [list(model.objects.values()) for model in (Robot, RobotPresence, RobotCredentials)])
-"""
+from robots.models import Robot
+from telepresence_site.checks import LAST_BEFORE_SQUASH, check_squashed_migrations
+
+pytestmark = pytest.mark.django_db
+SQUASHED = [
+    migration
+    for migration in MigrationLoader(None, ignore_no_migrations=True).disk_migrations.values()
+    if migration.replaces
+]
 
 
-@pytest.mark.parametrize(
-    "database", ["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)]
-)
-def test_what_a_robot_has_reported_and_its_keys_survive_both_migrations(database, tmp_path):
-    environment = {**os.environ, "VAR_DIR": str(tmp_path)}
-    environment.pop("DATABASE_URL", None)
-    if database == "sqlite":
-        shutil.copyfile(empty_database(), tmp_path / DATABASE)
-        said = migrated(environment)
-    else:
-        with running_postgres() as server:
-            said = migrated({**environment, "DATABASE_URL": server.url})
-    before = json.loads(said[0])
-    assert (before["held"], before["connection"], before["boot"]) == ("repair", "ONLINE", "b1")
-    assert (before["report"], before["factsheet"]) == ({"seq": 3}, None)
-    assert (before["turnaround"], before["last_seen_at"]) == (
-        "charging",
-        "2026-01-01 00:00:00+00:00",
-    )
-    assert (before["credential_hash"], before["screen_hash"]) == ("h", "s")
-    assert said[1] == "True"
+def forget(app, name):
+    deleted, _ = MigrationRecorder.Migration.objects.filter(app=app, name=name).delete()
+    assert deleted == 1
 
 
-def migrated(environment: dict[str, str]) -> list[str]:
-    shell = DjangoShell(ROOT, environment)
-    try:
-        return shell.ask(MOVE).splitlines()
-    finally:
-        shell.close()
+def migrate():
+    call_command("migrate", verbosity=0, skip_checks=False)
+
+
+def test_robots_and_sessions_have_one_migration_that_replaces_the_older_ones():
+    assert {migration.app_label for migration in SQUASHED} == {"robots", "telepresence_sessions"}
+
+
+def test_a_database_with_every_replaced_migration_keeps_its_tables_and_rows():
+    Robot.objects.create(name="giraff", title="Giraff")
+    for migration in SQUASHED:
+        forget(migration.app_label, migration.name)
+    migrate()
+    assert Robot.objects.get().title == "Giraff"
+    applied = MigrationRecorder(connection).applied_migrations()
+    assert {(migration.app_label, migration.name) for migration in SQUASHED} <= set(applied)
+
+
+def test_a_new_database_and_one_with_every_replaced_migration_pass_the_check():
+    assert check_squashed_migrations(databases=["default"]) == []
+    MigrationRecorder.Migration.objects.all().delete()
+    assert check_squashed_migrations(databases=["default"]) == []
+
+
+@pytest.mark.parametrize("keeps_new", [False, True], ids=["", "the new one is recorded"])
+@pytest.mark.parametrize("migration", SQUASHED, ids=str)
+def test_a_database_with_some_of_the_replaced_migrations_is_refused(migration, keeps_new):
+    if not keeps_new:
+        forget(migration.app_label, migration.name)
+    forget(*migration.replaces[-1])
+    assert [error.id for error in check_squashed_migrations(databases=["default"])] == [
+        "telepresence.E010"
+    ]
+    with pytest.raises(SystemCheckError) as refusal:
+        migrate()
+    assert f"only some of the migrations that {migration} replaces" in str(refusal.value)
+    assert f"Check out commit {LAST_BEFORE_SQUASH}, run manage.py migrate" in str(refusal.value)

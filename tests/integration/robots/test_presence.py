@@ -112,7 +112,7 @@ def test_a_state_that_was_sent_again_does_not_replace_a_newer_one():
     assert changes(known, state(1, boot="b2"), NOW)["report"]["boot"] == "b2"
 
 
-def test_what_concerns_only_pages_changes_nothing():
+def test_a_message_for_pages_alone_does_not_change_the_presence():
     message = PoseUpdate(
         stamp=1.0, pose=Pose(x=0.0, y=0.0, theta=0.0), velocity=Velocity(linear=0.0, angular=0.0)
     )
@@ -175,7 +175,7 @@ def test_a_robot_that_is_silent_for_half_a_minute_is_online_and_after_that_it_is
 
 
 @pytest.mark.django_db
-def test_what_the_database_did_not_take_is_news_again_once_it_is_forgotten():
+def test_a_change_that_was_rolled_back_is_written_again_after_forget():
     Robot.objects.create(name="giraff", title="Giraff")
     writer = Heard(EVERYTHING)
     writer.take("giraff", connection("ONLINE"), NOW)

@@ -63,7 +63,7 @@ def test_the_first_signal_interrupts_and_no_other_interrupts_the_clean_up(number
     assert process.returncode == 0
 
 
-def test_what_the_signals_did_before_they_do_afterwards():
+def test_the_handlers_of_signals_are_restored_afterwards():
     before = [signal.getsignal(number) for number in processes.END_SIGNALS]
     with pytest.raises(KeyboardInterrupt), processes.interrupted_by_signals():
         signal.raise_signal(signal.SIGTERM)

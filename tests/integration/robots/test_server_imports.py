@@ -1,5 +1,6 @@
 """The server's processes as they are started: none of them loads the robot's side, or what takes
-long to load and is needed by few requests.
+long to load and is needed by few requests. A robot's process loads nothing that is installed for
+analysis at sites alone.
 """
 
 import subprocess
@@ -9,10 +10,25 @@ import pytest
 
 from tests.support.paths import ROOT
 
-NOT_LOADED = ("robots.agent", "matplotlib", "scipy.stats", "scipy.optimize")
-CHECK = (
-    f"loaded = [name for name in {NOT_LOADED} if name in sys.modules]; assert not loaded, loaded"
-)
+ANALYSIS = ("krippendorff", "matplotlib", "pandas", "pyreadstat", "statsmodels")
+NOT_LOADED = ("robots.agent", "scipy.stats", "scipy.optimize", *ANALYSIS)
+
+
+def loads(code, unwanted):
+    """Run `code` in a process of its own, and return its errors, or which modules it loaded of
+    `unwanted`.
+    """
+    check = f"loaded = [m for m in {unwanted} if m in sys.modules]; assert not loaded, loaded"
+    ran = subprocess.run(
+        [sys.executable, "-c", f"import django, sys; django.setup(); {code}; {check}"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+        env={"DJANGO_SETTINGS_MODULE": "tests.settings", "PATH": "/usr/bin"},
+    )
+    return "" if ran.returncode == 0 else ran.stderr
 
 
 @pytest.mark.parametrize(
@@ -25,14 +41,9 @@ CHECK = (
     ],
 )
 def test_the_server_loads_neither_the_agent_nor_what_is_slow(loading):
-    code = f"import django, sys; django.setup(); {loading}; {CHECK}"
-    ran = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=False,
-        timeout=120,
-        env={"DJANGO_SETTINGS_MODULE": "tests.settings", "PATH": "/usr/bin"},
-    )
-    assert ran.returncode == 0, ran.stderr
+    assert not loads(loading, NOT_LOADED)
+
+
+def test_a_robots_process_loads_no_package_that_is_for_analysis():
+    agent = "import robots.management.commands.run_robot, robots.agent.agent"
+    assert not loads(agent, ANALYSIS)

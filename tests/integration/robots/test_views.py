@@ -82,7 +82,7 @@ def test_a_revoked_or_disabled_robot_and_another_robots_token_are_refused(client
     assert ask(client, "giraff", key.token).status_code == 401
 
 
-def test_whoever_keeps_guessing_waits_and_others_do_not(client, key, monkeypatch):
+def test_an_address_with_many_wrong_tokens_must_wait_and_others_need_not(client, key, monkeypatch):
     monkeypatch.setattr(views, "REFUSED", Attempts("test-refused", limit=3, seconds=10**9))
     for _ in range(3):
         assert ask(client, "giraff", "wrong").status_code == 401
@@ -165,7 +165,7 @@ def test_a_page_gets_the_titles_of_places_in_its_own_language(client, visitor, o
 
 
 @pytest.mark.parametrize("address", ["/floorplans/office.json", "/floorplans/office.png"])
-def test_what_the_browser_has_is_not_sent_again(client, visitor, office, address):
+def test_a_map_that_the_browser_has_is_not_sent_again(client, visitor, office, address):
     first = client.get(address)
     again = client.get(address, headers={"If-None-Match": first["ETag"]})
     assert again.status_code == 304
@@ -173,7 +173,7 @@ def test_what_the_browser_has_is_not_sent_again(client, visitor, office, address
 
 
 @pytest.mark.parametrize("address", ["/floorplans/office.json", "/floorplans/office.png"])
-def test_somebody_who_is_not_signed_in_gets_no_map(client, office, address):
+def test_a_visitor_who_is_not_logged_in_gets_no_map(client, office, address):
     assert client.get(address).status_code == 403
 
 

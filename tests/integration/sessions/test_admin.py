@@ -43,7 +43,7 @@ def researcher(client):
 
 @pytest.fixture
 def assistant(client):
-    """Somebody of the staff who may look at sessions and nothing else."""
+    """A member of the staff who may only view sessions."""
     user = User.objects.create(username="assistant", is_staff=True)
     user.user_permissions.add(
         Permission.objects.get(
@@ -320,7 +320,7 @@ def test_stopping_from_the_list_counts_only_live_ones(client, researcher, giraff
     assert "One session was stopped." in answer.content.decode()
 
 
-def test_who_may_only_look_can_neither_stop_nor_change_nor_delete(client, assistant, giraff):
+def test_users_who_may_only_view_can_neither_stop_nor_change_nor_delete(client, assistant, giraff):
     taken = store.take(giraff, User.objects.create(username="ben"), "peer", now=timezone.now())
     assert "stop_sessions" not in client.get(LIST).content.decode()
     assert client.post(f"{LIST}{taken.session}/stop/").status_code == 403
@@ -421,7 +421,7 @@ def test_several_sessions_download_as_one_table_and_this_is_noted(client, resear
 
 @pytest.fixture
 def owner(client, giraff):
-    """Somebody who looks after one robot."""
+    """The owner of one robot."""
     user = User.objects.create(username="owner", is_staff=True)
     Robot.objects.update(owner=user)
     client.force_login(user)
@@ -449,7 +449,7 @@ def test_a_robot_that_nobody_drives_has_a_lease_of_nobody(client, researcher, gi
     assert "nobody" in client.get("/admin/telepresence_sessions/lease/").content.decode()
 
 
-def test_what_the_system_did_outside_of_sessions_is_listed_without_one(client, researcher, giraff):
+def test_log_entries_outside_of_sessions_are_listed_without_one(client, researcher, giraff):
     system_log.log("robot_offline", "warning", robot=giraff)
     page = client.get("/admin/telepresence_sessions/systemlog/").content.decode()
     assert "robot_offline" in page

@@ -159,14 +159,14 @@ async def test_a_page_that_does_not_read_loses_old_telemetry_but_no_event_and_ot
                     "event", m.Event(stamp=float(number), boot="b1", seq=number, type="docked")
                 )
         await received
-        assert len(told(quick, "scan")) == 600
+        assert len(answers(quick, "scan")) == 600
         await expect_scan(slow, 600.0)
-        while len(told(slow, "event")) < 6:
+        while len(answers(slow, "event")) < 6:
             await slow.next()
-    stamps = [scan.stamp for scan in told(slow, "scan")]
+    stamps = [scan.stamp for scan in answers(slow, "scan")]
     assert stamps == sorted(stamps)
     assert len(stamps) < 600
-    assert [event.seq for event in told(slow, "event")] == [100, 200, 300, 400, 500, 600]
+    assert [event.seq for event in answers(slow, "event")] == [100, 200, 300, 400, 500, 600]
 
 
 async def tune_in(robot, *pages):
@@ -180,7 +180,7 @@ async def tune_in(robot, *pages):
     hearing.result()
 
 
-def told(page, wanted):
+def answers(page, wanted):
     return [message for suffix, message in page.seen if suffix == wanted]
 
 
@@ -331,7 +331,7 @@ class Liars:
         await self.bob.settle(self.robot)
         await asyncio.sleep(0.02)  # an honest page's pace: sixty stops a second are all that pass
         # which the server says of who watches
-        assert [said for said in self.robot.got if not of_the_server(said[1])] == []
+        assert [sent for sent in self.robot.got if not of_the_server(sent[1])] == []
 
 
 def of_the_server(message):
@@ -367,9 +367,7 @@ def liars(site):
     ],
 )
 @given(bad=BAD, forged=FORGED)
-def test_nothing_malformed_and_nothing_forged_comes_through_a_real_socket_and_stops_always_do(
-    liars, bad, forged
-):
+def test_a_real_socket_passes_all_stops_and_no_malformed_or_forged_frame(liars, bad, forged):
     liars.portal.run(liars.try_one(bad, forged))
 
 

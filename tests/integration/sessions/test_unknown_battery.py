@@ -17,7 +17,7 @@ from django.test import AsyncClient, Client
 from django.utils import timezone
 
 from accounts.models import User
-from experiments.dataset.states import states_of
+from experiments.extraction.states import states_of
 from experiments.research.replay import recorded
 from robots.api import codec, messages
 from robots.cards import Traffic, card
@@ -97,7 +97,7 @@ def test_an_unknown_battery_is_absent_on_the_wire_and_reads_as_unknown():
         ({"charge": 1.0, "voltage": 27.0, "charging": True}, (1.0, 27.0, True)),
     ],
 )
-def test_what_older_agents_say_means_what_it_meant(said, meant):
+def test_states_of_older_agents_keep_their_meaning(said, meant):
     content = {**json.loads(codec.encode(state(UNKNOWN))), "battery": said}
     battery = codec.decode("state", json.dumps(content).encode()).battery
     assert (battery.charge, battery.voltage, battery.charging) == meant
@@ -149,8 +149,8 @@ def test_the_csv_leaves_it_empty(session):
 
 async def test_the_api_says_null_and_the_metrics_say_nothing(robot, settings):
     settings.METRICS_TOKEN = "t" * 40
-    told = (await AsyncClient().get("/api/v1/robots/giraff/")).json()["robot"]
-    assert (told["charge"], told["charging"], told["docked"]) == (None, None, False)
+    shown = (await AsyncClient().get("/api/v1/robots/giraff/")).json()["robot"]
+    assert (shown["charge"], shown["charging"], shown["docked"]) == (None, None, False)
     metrics = (
         await AsyncClient().get(
             "/metrics", headers={"authorization": f"Bearer {settings.METRICS_TOKEN}"}
@@ -162,8 +162,8 @@ async def test_the_api_says_null_and_the_metrics_say_nothing(robot, settings):
 
 def test_a_robot_that_does_not_charge_says_so_in_the_api_though_its_state_left_it_out(robot):
     RobotPresence.objects.update(report=stored(messages.Battery(charge=0.5)))
-    told = Client().get("/api/v1/robots/giraff/").json()["robot"]
-    assert (told["charge"], told["charging"], told["docked"]) == (0.5, False, False)
+    shown = Client().get("/api/v1/robots/giraff/").json()["robot"]
+    assert (shown["charge"], shown["charging"], shown["docked"]) == (0.5, False, False)
 
 
 def test_home_assistant_is_told_unknown_and_not_off():

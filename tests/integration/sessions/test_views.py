@@ -81,7 +81,6 @@ def test_the_drive_page_tells_its_modules_where_everything_is(client, robot, ada
     config = config_of(response)
     assert config["socket"] == "/ws/robots/giraff/"
     assert config["floorplan"] == "/floorplans/office.json"
-    assert config["suggested"] is None
     assert config["who"] == "Ada L."
     assert config["factsheet"] == {"name": "giraff"}
     assert "no-store" in response["Cache-Control"]

@@ -38,7 +38,7 @@ class Taking:
         return Response.objects.get(pk=self.response.pk)
 
     def stored(self) -> dict:
-        """Return what is stored: values, or reasons in brackets."""
+        """Return stored values, or reasons in brackets."""
         rows = Answer.objects.filter(response=self.response)
         return {row.item: f"({row.missing})" if row.missing else row.value for row in rows}
 

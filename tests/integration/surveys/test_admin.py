@@ -76,7 +76,7 @@ def test_a_questionnaire_comes_in_as_a_file_and_goes_out_the_same(client, resear
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (b"{", "not valid JSON"),
         (b"", "Choose a file"),
@@ -84,25 +84,25 @@ def test_a_questionnaire_comes_in_as_a_file_and_goes_out_the_same(client, resear
         (as_bytes(document([{"kind": "nonsense"}])), "$.pages[0].items[0]"),
     ],
 )
-def test_what_is_wrong_is_told_and_nothing_comes_in(client, researcher, content, told):
+def test_a_wrong_file_is_reported_and_not_stored(client, researcher, content, message):
     answer = client.post(reverse(ADD), upload(content) if content else {})
     assert answer.status_code == 200
-    assert told in read(answer).text
+    assert message in read(answer).text
     assert not Questionnaire.objects.exists()
 
 
-def test_a_file_without_content_is_told_at_its_field_and_nothing_comes_in(client, researcher):
+def test_an_empty_file_is_reported_at_its_field_and_not_stored(client, researcher):
     answer = client.post(reverse(ADD), upload(b""))
     assert "The submitted file is empty." in read(answer).text
     assert "Choose a file or paste its text." not in read(answer).text
     assert not Questionnaire.objects.exists()
 
 
-def test_every_problem_is_told_in_a_line_of_its_own_and_escaped(client, researcher):
+def test_every_problem_has_a_line_of_its_own_and_is_escaped(client, researcher):
     broken = document([item("likert", "a", scale="b"), item("likert", "c", scale="<script>")])
     page = read(client.post(reverse(ADD), {"document": json.dumps(broken)}))
-    told = [e.text for e in page.all("li") if "Choose a scale" in e.text]
-    assert told == ["a: scale b: Choose a scale.", "c: scale <script>: Choose a scale."]
+    messages = [e.text for e in page.all("li") if "Choose a scale" in e.text]
+    assert messages == ["a: scale b: Choose a scale.", "c: scale <script>: Choose a scale."]
 
 
 def test_an_import_never_replaces_a_version_that_is_here_already(client, researcher):
@@ -126,7 +126,7 @@ def test_a_draft_is_changed_in_its_place(client, researcher):
     assert "Its name and version can't change" in read(other).text
 
 
-def test_what_is_in_use_is_shown_and_not_changed(client, researcher):
+def test_a_questionnaire_in_use_is_shown_and_not_changed(client, researcher):
     row = freeze(store(defined([item("text", "a")]), NOW), NOW)
     address = page_of("change", row)
     page = client.get(address)
@@ -147,13 +147,26 @@ def test_a_new_version_is_made_from_what_is_in_use(client, researcher):
 
 
 def test_those_that_come_with_the_site_are_added_once(client, researcher):
-    assert read(client.get(reverse(LIST))).text.count("Add built-in questionnaires") == 1
+    assert "+ NASA-TLX: The effort it took" in read(client.get(reverse(LIST))).text
     address = reverse("admin:surveys_questionnaire_shipped")
-    assert "8 questionnaires were added" in read(client.post(address, follow=True)).text
+    one = client.post(address, {"questionnaire": "tlx"}, follow=True)
+    assert "1 questionnaire was added" in read(one).text
+    assert Questionnaire.objects.get().slug == "tlx"
+    assert "+ NASA-TLX" not in read(one).text
+    assert "7 questionnaires were added" in read(client.post(address, follow=True)).text
     assert "0 questionnaires were added" in read(client.post(address, follow=True)).text
     listed = read(client.get(reverse(LIST))).text
-    assert "System Usability" not in listed
+    assert "SUS, System Usability Scale: Using the system" in listed
     assert "template" in listed
+
+
+@pytest.mark.parametrize("term", ["NASA", "tlx", "effort"])
+def test_nasa_tlx_is_found_by_its_name(client, researcher, term):
+    current("tlx", NOW)
+    current("sus", NOW)
+    listed = read(client.get(reverse(LIST), {"q": term})).text
+    assert "NASA-TLX: The effort it took" in listed
+    assert "System Usability" not in listed
 
 
 def test_a_questionnaire_with_responses_is_not_deleted(client, researcher):
@@ -325,7 +338,7 @@ def test_a_table_costs_the_same_number_of_queries_for_many_responses(
     assert len(lines) == 30
 
 
-def test_a_response_shows_every_question_with_what_was_said_escaped(client, researcher, answered):
+def test_a_response_shows_every_question_with_its_answer_escaped(client, researcher, answered):
     Answer.objects.filter(item="t").update(value="<b>bold</b>")
     page = client.get(reverse("admin:surveys_response_change", args=[answered.pk]))
     assert "&lt;b&gt;bold" in page.content.decode()
@@ -356,7 +369,7 @@ def test_answers_are_never_edited_but_a_response_can_be_deleted(client, research
     assert not Answer.objects.exists()
 
 
-def test_who_may_see_questionnaires_may_not_read_answers(client, answered):
+def test_permission_to_see_questionnaires_does_not_show_answers(client, answered):
     row = answered.questionnaire
     staff_with(client, "view_questionnaire")
     assert client.get(page_of("preview", row)).status_code == 200

@@ -52,8 +52,8 @@ def send(client, address: str, do: str = "save", **changes):
 @pytest.fixture
 def row(client):
     """A draft in two languages, just begun."""
-    said = {"title": "The doors", "languages": ["en", "es"]}
-    answer = client.post(reverse("admin:surveys_questionnaire_write"), said)
+    sent = {"title": "The doors", "languages": ["en", "es"]}
+    answer = client.post(reverse("admin:surveys_questionnaire_write"), sent)
     found = Questionnaire.objects.get()
     assert answer.headers["Location"] == at(found)
     return found
@@ -122,8 +122,8 @@ def test_an_incomplete_draft_is_kept_and_never_used(client, row):
     with pytest.raises(BadDefinitionError):
         freeze(row, NOW)
     assert (row.slug, 1) not in publishing.known_here().questionnaires
-    told = [e.text for e in read(client.get(at(row, "questions", "q1"))).all("li")]
-    assert "Text (English, Spanish) is missing." in told
+    messages = [e.text for e in read(client.get(at(row, "questions", "q1"))).all("li")]
+    assert "Text (English, Spanish) is missing." in messages
     listed = read(client.get(reverse("admin:surveys_questionnaire_changelist"))).text
     assert "draft, incomplete" in listed
     assert "English, Spanish" in listed
@@ -199,39 +199,39 @@ def test_options_are_moved_and_removed_on_the_page_of_their_question(client, row
         assert [option.value for option in stored().question("q2").item.options] == left
 
 
-def test_a_title_that_a_page_has_in_one_language_alone_is_told_at_the_page(client, row):
+def test_a_title_in_only_one_language_is_reported_at_its_page(client, row):
     page = at(row, "pages", "page_1")
     send(client, page, title__en="The doors")
-    told = [e.text for e in read(client.get(page)).all("li")]
-    assert "Title (Spanish) is missing." in told
+    messages = [e.text for e in read(client.get(page)).all("li")]
+    assert "Title (Spanish) is missing." in messages
     assert not is_usable(Questionnaire.objects.get())
 
 
-def test_what_cannot_be_kept_is_told_beside_its_field(client, row):
+def test_a_refused_value_is_reported_beside_its_field(client, row):
     press(client, row, "add:questions:page_1:number")
     page = at(row, "questions", "q2")
     answer = send(client, page, minimum="few", key="No Key")
     assert answer.status_code == 422
-    told = [e.text for e in read(answer).all("li")]
-    assert "This is not a number." in told
+    messages = [e.text for e in read(answer).all("li")]
+    assert "This is not a number." in messages
     assert [e for e in read(answer).all("details") if "open" in e.attributes]
     assert stored().question("q2").item.minimum is None
 
 
 @pytest.mark.parametrize(
-    ("place", "sent", "told"),
+    ("place", "sent", "message"),
     [
         (("questions", "q2"), {"step": "2.5"}, "Write a whole number."),
         (("questions", "q2"), {"step": "0"}, "Write a number of at least 1."),
         (("about",), {"languages": []}, "Choose at least one language."),
     ],
 )
-def test_a_value_that_cannot_be_kept_says_what_to_write_instead(client, row, place, sent, told):
+def test_a_value_that_cannot_be_kept_says_what_to_write_instead(client, row, place, sent, message):
     press(client, row, "add:questions:page_1:slider")
     before = stored()
     answer = send(client, at(row, *place), **sent)
     assert answer.status_code == 422
-    assert told in [e.text for e in read(answer).all("li")]
+    assert message in [e.text for e in read(answer).all("li")]
     assert stored() == before
 
 
@@ -261,7 +261,7 @@ def test_saving_every_page_of_what_was_written_elsewhere_changes_nothing(client,
         assert (place, Questionnaire.objects.get().sha256) == (place, row.sha256)
 
 
-def test_what_is_in_use_is_edited_as_a_new_version(client):
+def test_a_questionnaire_in_use_is_edited_as_a_new_version(client):
     row = freeze(store(defined([item("grid", "g", rows=rows("r"))]), NOW), NOW)
     for address in (at(row), at(row, "questions", "g")):
         page = read(client.get(address))
@@ -277,8 +277,8 @@ def test_what_is_in_use_is_edited_as_a_new_version(client):
 def test_a_name_is_taken_once(client, row):
     address = reverse("admin:surveys_questionnaire_write")
     for name in ("the-doors", "sus"):
-        said = {"title": "Another", "languages": ["en"], "name": name}
-        assert "There is already" in read(client.post(address, said)).text
+        sent = {"title": "Another", "languages": ["en"], "name": name}
+        assert "There is already" in read(client.post(address, sent)).text
     assert faults(read(client.get(address))) == []
     assert "en" not in [e.text.strip() for e in read(client.get(address)).all("label")]
 
@@ -314,7 +314,7 @@ def test_saving_a_part_may_lead_back_to_the_overview(client, row):
     assert stored().question("q1").text["en"] == "Why? (en)"
 
 
-def test_who_may_only_look_at_questionnaires_changes_none(client, row):
+def test_permission_to_view_questionnaires_changes_none(client, row):
     user = person("reader", is_staff=True)
     user.user_permissions.set(Permission.objects.filter(codename="view_questionnaire"))
     client.force_login(user)
@@ -338,3 +338,10 @@ def test_a_step_of_a_study_offers_what_is_complete_by_title_and_version(client, 
     study.refresh_from_db()
     step = study.as_definition().steps[4]
     assert (step.questionnaire, step.version) == ("the-doors", 1)
+
+
+def test_a_list_of_another_page_is_not_changed_by_a_hand_made_button(client, row):
+    before = stored()
+    send(client, at(row, "about"), "add:pages")
+    send(client, at(row, "pages", "page_1"), "add:items")
+    assert stored() == before

@@ -91,7 +91,7 @@ def test_the_report_is_shown_before_anything_is_stored(client, researcher):
     assert not Questionnaire.objects.exists()
 
 
-def test_what_was_shown_is_stored_with_its_report(client, researcher):
+def test_the_questionnaire_shown_is_stored_with_its_report(client, researcher):
     page = read(save(client, choose(client, FRUIT)))
     assert "version 1 of “fruit-2024”" in page.text
     row = Questionnaire.objects.get()
@@ -103,7 +103,7 @@ def test_what_was_shown_is_stored_with_its_report(client, researcher):
     assert "Which fruit?" in read(preview).text
 
 
-def test_the_same_file_twice_is_said_to_be_there_already(client, researcher):
+def test_the_same_file_twice_is_reported_as_identical(client, researcher):
     save(client, choose(client, FRUIT))
     page = read(save(client, choose(client, FRUIT)))
     assert "is identical" in page.text
@@ -140,7 +140,7 @@ def test_a_name_that_is_none_is_refused_and_the_report_is_still_there(client, re
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "message"),
     [
         (b"hello", "The file has none of these formats"),
         (b'<?xml version="1.0"?><!DOCTYPE a [<!ENTITY b "c">]><a>&b;</a>', "document type"),
@@ -149,11 +149,11 @@ def test_a_name_that_is_none_is_refused_and_the_report_is_still_there(client, re
     ],
 )
 def test_a_file_that_cannot_be_read_is_refused_with_a_clear_message(
-    client, researcher, content, told
+    client, researcher, content, message
 ):
     answer = choose(client, content)
     assert answer.status_code == 200
-    assert told in read(answer).text
+    assert message in read(answer).text
 
 
 def test_a_changed_parcel_is_refused(client, researcher):
@@ -204,11 +204,11 @@ def survey(tmp_path) -> Path:
 
 
 def test_the_command_reports_and_stores_only_when_asked_to(survey):
-    said = run(survey)
-    assert "imported: Q1 → q1" in said
-    assert "not imported: Q2" in said
-    assert "file upload" in said
-    assert "Not stored" in said
+    output = run(survey)
+    assert "imported: Q1 → q1" in output
+    assert "not imported: Q2" in output
+    assert "file upload" in output
+    assert "Not stored" in output
     assert not Questionnaire.objects.exists()
     assert "Stored as version 1 of survey-in-en." in run(survey, "--save")
     assert "Already stored as version 1 of survey-in-en." in run(survey, "--save")
@@ -225,12 +225,12 @@ def test_the_command_names_the_forms_that_were_not_chosen(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"), [(b"hello", "none of these"), (b"<document>", "not valid XML")]
+    ("content", "message"), [(b"hello", "none of these"), (b"<document>", "not valid XML")]
 )
-def test_the_command_names_what_is_wrong_with_a_file(tmp_path, content, told):
+def test_the_command_names_what_is_wrong_with_a_file(tmp_path, content, message):
     path = tmp_path / "x.lss"
     path.write_bytes(content)
-    with pytest.raises(CommandError, match=told):
+    with pytest.raises(CommandError, match=message):
         run(path)
 
 

@@ -1,4 +1,4 @@
-"""The same rows on PostgreSQL, which orders JSON's keys anew, is strict about text, and lets
+"""The same rows on PostgreSQL, which reorders JSON's keys, is strict about text, and lets
 writers run side by side.
 """
 

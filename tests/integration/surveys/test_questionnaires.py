@@ -16,7 +16,7 @@ USABLE = {"ict": 7, "experience": 8, "sus": 10, "tlx": 6}
 TEMPLATES = {"godspeed": 24, "presence": 32, "simulator-sickness": 16, "social-presence": 42}
 
 
-def test_the_site_comes_with_the_papers_two_forms_sus_and_tlx_and_templates_of_others():
+def test_the_site_has_both_forms_of_the_paper_sus_tlx_and_templates():
     known = shipped()
     assert {
         slug: sum(1 for _ in definition.questions()) for slug, definition in known.items()
@@ -26,7 +26,7 @@ def test_the_site_comes_with_the_papers_two_forms_sus_and_tlx_and_templates_of_o
 
 
 @pytest.mark.parametrize("slug", USABLE)
-def test_what_comes_with_the_site_speaks_english_and_spanish_and_names_its_source(slug):
+def test_questionnaires_of_the_site_have_english_spanish_and_a_source(slug):
     definition = shipped()[slug]
     assert definition.languages == ("en", "es")
     assert definition.source
@@ -46,7 +46,7 @@ def test_a_template_holds_no_text_of_the_items(slug):
         assert "put the text here" in question.text["en"]
 
 
-def test_the_experience_form_goes_from_minus_two_to_two_and_asks_for_the_photo_only_on_giraff():
+def test_the_experience_form_has_values_from_minus_2_and_a_giraff_question():
     definition = shipped()["experience"]
     assert [point.value for point in definition.scales["agreement"]] == [-2, -1, 0, 1, 2]
     assert definition.question("q7").item.show_if.robot == ("giraff",)
@@ -102,7 +102,7 @@ def test_a_template_cannot_be_used_until_its_text_is_filled_in():
 
 
 @pytest.mark.django_db
-def test_what_is_wrong_does_not_come_into_the_database():
+def test_a_wrong_questionnaire_is_not_stored():
     with pytest.raises(BadDefinitionError, match="no page"):
         store(msgspec.structs.replace(shipped()["sus"], pages=()), NOW)
     assert not Questionnaire.objects.exists()

@@ -69,7 +69,7 @@ def test_an_import_that_is_wrong_is_refused():
     assert not Questionnaire.objects.exists()
 
 
-def test_of_two_who_begin_a_questionnaire_of_one_name_the_second_is_told():
+def test_a_second_questionnaire_of_the_same_name_is_refused():
     def begin() -> Questionnaire:
         return begin_empty("doors", "The doors", ["en"], NOW)
 
@@ -141,7 +141,7 @@ def test_a_response_that_is_finished_leads_away_from_its_pages(take):
     assert ada.stored() == {}
 
 
-def test_what_was_chosen_is_chosen_when_the_page_is_shown_again(take):
+def test_choices_are_kept_when_the_page_is_shown_again(take):
     ada = take([item("multiple", "a"), item("text", "b")])
     ada.save("a", ["b", "d"])
     boxes = [one for one in read(ada.get(1)).all("input") if one.attributes.get("name") == "a"]

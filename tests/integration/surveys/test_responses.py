@@ -67,7 +67,7 @@ def test_another_context_and_another_respondent_are_other_responses():
     assert Response.objects.count() == 4
 
 
-def test_whoever_began_with_an_older_version_goes_on_with_it():
+def test_a_response_to_an_older_version_continues_with_it():
     first, _ = started([item("text", "a")])
     newer = store(defined([item("text", "b")], version=2), LATER)
     assert (
@@ -83,7 +83,7 @@ def test_a_respondent_is_a_user_or_a_key(wrong):
         Respondent(**wrong)
 
 
-def test_what_is_saved_carries_language_text_version_position_and_time():
+def test_an_answer_has_language_text_version_position_and_time():
     row, definition = started([item("single", "a"), item("single", "b")])
     save_one(
         row, definition, "b", {"b": ["c"]}, Saving(now=LATER, language="en", seconds={"b": 4.321})
@@ -100,11 +100,11 @@ def test_what_is_saved_carries_language_text_version_position_and_time():
     assert Response.objects.get().seen_at == LATER
 
 
-@pytest.mark.parametrize(("told", "kept"), [(-5.0, 0.0), (1e9, 600.0), (2.0, 2.0)])
-def test_seconds_are_never_less_than_none_nor_more_than_have_passed(told, kept):
+@pytest.mark.parametrize(("sent", "kept"), [(-5.0, 0.0), (1e9, 600.0), (2.0, 2.0)])
+def test_seconds_are_never_less_than_none_nor_more_than_have_passed(sent, kept):
     row, definition = started([item("single", "a")])
     save_one(
-        row, definition, "a", {"a": ["c"]}, Saving(now=LATER, language="en", seconds={"a": told})
+        row, definition, "a", {"a": ["c"]}, Saving(now=LATER, language="en", seconds={"a": sent})
     )
     assert Answer.objects.get().seconds == kept
 
@@ -224,7 +224,7 @@ def test_a_questionnaire_that_asks_this_respondent_nothing_is_finished_at_once()
     assert row.response_statuses(definition, row.given())["a"].missing == "not_asked"
 
 
-def test_nobody_finishes_around_a_required_question():
+def test_a_response_does_not_finish_without_a_required_answer():
     row, definition = started(
         [item("single", "a")],
         [item("single", "must", required=True, show_if={"item": "a", "is": ["c"]})],
@@ -250,7 +250,7 @@ def test_a_finished_response_takes_no_more_answers_and_keeps_its_time():
 
 
 @pytest.mark.django_db(transaction=True)
-def test_two_pages_that_begin_and_save_at_the_same_moment_make_one_response_and_one_answer():
+def test_two_pages_at_the_same_moment_make_one_response_and_one_answer():
     questionnaire = store(defined([item("single", "a")]), NOW)
 
     def race(value: str):

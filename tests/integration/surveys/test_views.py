@@ -8,7 +8,7 @@ import pytest
 from django.urls import reverse
 
 from experiments.bots.answers import fill
-from experiments.bots.page import read as read_as_bot
+from experiments.bots.page import HtmlPage
 from experiments.bots.persona import Persona
 from surveys.models import Response
 from surveys.questionnaires import current, store
@@ -53,7 +53,7 @@ def test_a_question_about_another_robot_is_not_on_the_page(take):
 def test_a_bot_answers_a_question_of_every_type_from_its_page_alone(take, kind):
     more = {"rows": rows("q1", "q2")} if kind == "grid" else {}
     ada = take([item(kind, "q", required=True, **more)])
-    form = read_as_bot(ada.get(1).content.decode()).form("survey")
+    form = HtmlPage(ada.get(1).content.decode()).form("survey")
     sent = [*form.hidden, *fill(form, Persona(1, 3), {}, NOW)]
     fields = {name: [value for other, value in sent if other == name] for name, _value in sent}
     assert ada.client.post(ada.url(1), fields).url == "/about/"
@@ -115,7 +115,7 @@ def test_every_row_of_a_matrix_repeats_the_words_of_its_columns(take):
         assert all(word in row.text for word in ("No", "Maybe", "Yes"))
 
 
-def test_what_was_said_stands_there_again_on_every_way_back(take):
+def test_answers_are_shown_again_after_every_return_to_the_page(take):
     ada = take(EVERY_KIND, [item("text", "next")])
     answers = {
         "l": "~not_applicable",
@@ -153,12 +153,12 @@ def selected(page) -> list[str]:
 
 def test_an_order_that_is_none_comes_back_as_it_was_given(take):
     ada = take([item("ranking", "r", prefer_not=True)])
-    for given, told in ((["2.a", "2.b"], "a different place"), (["3.a", "2.c"], "every option")):
+    for given, message in ((["2.a", "2.b"], "a different place"), (["3.a", "2.c"], "every option")):
         answer = ada.send(1, "r", r=given)
         page = read(answer)
         assert answer.status_code == 422
         assert faults(page) == []
-        assert told in page.text
+        assert message in page.text
         assert set(selected(page)) == set(given)
         assert all(e.attributes["aria-invalid"] == "true" for e in page.all("select"))
     assert ada.stored() == {}
@@ -166,7 +166,7 @@ def test_an_order_that_is_none_comes_back_as_it_was_given(take):
     assert ada.stored() == {"r": "(preferred_not)"}
 
 
-def test_whoever_comes_back_on_another_device_goes_on_where_they_were(take, client):
+def test_a_respondent_resumes_on_another_device(take, client):
     ada = take([item("text", "a")], [item("text", "b")], [item("text", "c")])
     ada.send(1, "a", a="one")
     client.logout()
@@ -183,7 +183,7 @@ def test_going_back_saves_what_is_there_and_demands_nothing(take):
     assert ada.get().url == ada.url(2)
 
 
-def test_a_page_with_gaps_comes_back_with_everything_kept_and_a_list_of_what_is_missing(take):
+def test_a_page_with_gaps_is_shown_again_with_answers_and_missing_ones(take):
     ada = take(
         [item("single", "a", required=True), item("number", "n", maximum=5), item("text", "t")]
     )
@@ -204,7 +204,7 @@ def test_a_page_with_gaps_comes_back_with_everything_kept_and_a_list_of_what_is_
     assert ada.stored() == {"a": "(skipped)", "t": "kept"}
 
 
-def test_without_javascript_a_question_that_an_answer_brings_up_is_shown_before_going_on(take):
+def test_without_javascript_new_questions_are_shown_before_the_next_page(take):
     ada = take([item("single", "a"), item("text", "why", show_if={"item": "a", "is": ["c"]})])
     hidden = next(
         e for e in read(ada.get(1)).all("fieldset") if e.attributes.get("data-question") == "why"
@@ -280,7 +280,7 @@ def test_a_forged_answer_is_refused_with_a_reason_and_stores_nothing(take, field
     "seconds",
     ["nonsense", "[]", '{"a": "x"}', '{"a": null}', '{"a": true}', '{"a": Infinity}', "[" * 20_000],
 )
-def test_what_a_page_says_about_time_never_costs_an_answer(take, seconds):
+def test_malformed_times_from_a_page_lose_no_answer(take, seconds):
     ada = take([item("single", "a")])
     assert (
         ada.save("a", "c", seconds=seconds, writing="-9" * 40, writer="w" * 500).status_code == 200
@@ -298,7 +298,7 @@ def test_a_page_of_questions_that_are_not_asked_is_refused_and_leads_back(take):
     assert ada.send(9, "b", b="y").url == ada.url(1)
 
 
-def test_somebody_elses_response_is_not_there(take, client):
+def test_the_response_of_another_user_is_not_found(take, client):
     ada = take([item("text", "a")])
     client.force_login(person("eve"))
     assert ada.get().status_code == 404
@@ -339,9 +339,9 @@ def test_the_thanks_come_only_after_the_answers(take):
     thanks = reverse("survey_done", args=[ada.response.pk])
     assert ada.client.get(thanks).url == reverse("survey", args=[ada.response.pk])
     assert ada.send(1, "a", a="x").url == thanks
-    said = read(ada.client.get(thanks))
-    assert "Thank you" in said.text
-    assert faults(said) == []
+    thanked = read(ada.client.get(thanks))
+    assert "Thank you" in thanked.text
+    assert faults(thanked) == []
 
 
 def test_answers_need_the_token_of_a_page_of_ours(take):

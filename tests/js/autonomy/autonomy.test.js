@@ -45,11 +45,12 @@ const ALL = ["velocity", "goto", "dock", "undock", "relocalize", "assist", "scan
 const robotOf = (more = {}) => ({
   docked: false,
   assist: "off",
+  velocity: { linear: 0, angular: 0 },
   pose: { x: 1, y: 2, theta: 0, localized: true },
   safety: { estop: false, inhibited: null, collision: false },
   ...more,
 });
-const OVER = { session: "s1", stopId: null, isOver: true };
+const OVER = { session: "s1", stopId: null, isOver: true, since: 10 };
 const driving = (more = {}, capabilities = ALL) => ({
   ...newState(),
   playing: true,
@@ -164,31 +165,34 @@ describe("what is offered", () => {
     );
   });
 
-  test("who arrives finds the robot leaving its station, once, where they may ask it to", () => {
-    const arrival = { session: "s1", stopId: "stop-0", isOver: false };
+  test("the robot leaves its station for a new visitor, once, where they may ask it to", () => {
+    const arrival = { session: "s1", stopId: "stop-0", isOver: false, since: 10 };
     const safety = { estop: false, inhibited: null, collision: false, stopId: "stop-0" };
     const docked = { robot: robotOf({ docked: true, safety }) };
     const visit = { ...driving().visit, session: "s1" };
     const arriving = driving({ ...docked, arrival, visit });
-    const changed = (more) => leavesByItself({ ...arriving, ...more });
-    assert.equal(leavesByItself(arriving), true);
+    const changed = (more, now = 11) => leavesByItself({ ...arriving, ...more }, now);
+    assert.equal(changed({}), true);
     assert.equal(offerFor(arriving), null, "nothing to press");
     assert.equal(changed({ arrival: { ...arrival, session: "s0" } }), null, "of another visit");
     assert.equal(changed({ arrival: OVER }), false, "once a visit");
     const stopped = { ...safety, inhibited: "stopped", stopId: "stop-1" };
     for (const inhibited of ["stopped", null]) {
       const robot = robotOf({ docked: true, safety: { ...stopped, inhibited } });
-      assert.equal(changed({ robot }), false, "somebody has stopped it meanwhile");
+      assert.equal(changed({ robot }), false, "stopped since the visit started");
     }
     assert.equal(changed({ visit: { ...arriving.visit, returning: true } }), false, "a reload");
-    assert.equal(changed({ robot: robotOf() }), false, "it is in the room already");
+    assert.equal(changed({ robot: robotOf() }), null, "it may be docked in a moment");
+    assert.equal(changed({ robot: robotOf() }, 15), false, "it is in the room already");
+    const drives = robotOf({ velocity: { linear: 0.1, angular: 0 } });
+    assert.equal(changed({ robot: drives }), false, "it drives already");
     const pressed = { ...safety, estop: true };
     assert.equal(changed({ robot: robotOf({ docked: true, safety: pressed }) }), false);
     assert.equal(changed({ factsheet: { capabilities: ["velocity"] } }), false);
     for (const [study, leaves] of [
       [{ actions: ["undock"], controllers: null }, true],
       [{ actions: ["tilt"], controllers: null }, false],
-      [{ actions: null, controllers: [] }, false], // somebody else drives: a hidden operator
+      [{ actions: null, controllers: [] }, false], // a hidden operator drives
     ]) {
       assert.equal(changed({ study }), leaves);
     }
@@ -524,6 +528,17 @@ describe("assistance", () => {
       alertFor(driving({ robot: robotOf({ errors: errors.slice(1) }) })).word,
       "alert.cancel",
     );
+  });
+
+  test("a robot that may still move is not said to have stopped", () => {
+    const task = { ...ask({ type: "goto", x: 1, y: 2 }, "a", 1), status: "FAILED" };
+    assert.equal(offerFor(driving({ task })).word, "task.failed.goto");
+    for (const error of ["runs_on: the robot keeps moving", "cancel: no answer"]) {
+      assert.equal(offerFor(driving({ task, robot: robotOf({ errors: [error] }) })), null);
+    }
+    const going = { ...task, status: "RUNNING" };
+    const robot = robotOf({ errors: ["runs_on: the robot keeps moving"] });
+    assert.equal(offerFor(driving({ task: going, robot })).main.action, "stop");
   });
 });
 

@@ -428,6 +428,12 @@ describe("I press and nothing moves", () => {
     ["stuck.no_picture", { playing: false }, {}],
     ["stuck.held", {}, { safety: { inhibited: "stopped" } }],
     ["stuck.contact", {}, { safety: { inhibited: "collision" } }],
+    ["stuck.settling", {}, { safety: { inhibited: "settling" } }],
+    [
+      "stuck.never_rests",
+      {},
+      { safety: { inhibited: "settling" }, errors: ["settling: the robot is never at rest"] },
+    ],
     ["stuck.not_yours", {}, { safety: { inhibited: "no_lease" } }],
     ["stuck.late", {}, { refused: { stale: 9, clock_unknown: 1 } }],
     ["stuck.old_picture", {}, { refused: { frame_stale: 3 } }],

@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import test from "node:test";
 
-import { sceneFor } from "../../../static/js/pages/screen/scene.js";
+import { sceneFor, troubleOf } from "../../../static/js/pages/screen/scene.js";
 
 const told = (state, changes = {}) => ({
   keyed: true,
@@ -78,4 +78,20 @@ test("people at the robot read that it moves although it should stand still", ()
   const { stopped } = sceneFor(told({ ...RUNS_ON, ...STOPPED }), 100);
   assert.equal(stopped, "runs_on");
   assert.equal(sceneFor(told(STOPPED), 100).stopped, "ours");
+});
+
+test("people at the robot read that the server fails, is silent, or denied what they asked", () => {
+  const troubles = (changes, silence = 0, now = 100) =>
+    troubleOf({ ...told({}), ...changes }, silence, now);
+  assert.equal(troubles({}), "");
+  assert.equal(troubles({ trouble: "missing" }), "give.missing");
+  const failing = { trouble: "missing", failing: true };
+  assert.equal(troubles({ ...failing, linked: true }), "server.failing");
+  assert.equal(troubles(failing), "server.failing_unlinked", "a stop may not reach the robot");
+  assert.equal(troubles({ failing: true }, 2), "server.silent");
+  const denied = { actedAt: 99, deniedAt: 99.5 };
+  assert.equal(troubles(denied), "denied");
+  assert.equal(troubles(denied, 0, 120), "");
+  assert.equal(troubles({ ...denied, actedAt: 50 }), "", "of what is repeated by itself");
+  assert.equal(troubles({ ...denied, actedAt: 99.8 }), "", "of what was asked before");
 });

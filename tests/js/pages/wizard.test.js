@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 
+import { faultFor } from "../../../static/js/pages/wizard/fault.js";
 import { Hand } from "../../../static/js/pages/wizard/hand.js";
 import { begin, turned, velocityOf } from "../../../static/js/pages/wizard/moves.js";
 import { noticeOfDenied, readPacket } from "../../../static/js/pages/wizard/packets.js";
@@ -61,7 +62,35 @@ test("an operator reads that a request failed, and nothing of a velocity too man
   );
   assert.equal(suffix, "denied");
   assert.equal(noticeOfDenied(message), "unavailable");
-  assert.equal(noticeOfDenied({ suffix: "command/velocity", reason: "rate" }), null);
+  assert.equal(noticeOfDenied({ suffix: "wizard/step", reason: "rate" }), "unavailable");
+  assert.equal(noticeOfDenied({ suffix: "command/action", reason: "unavailable" }), "unavailable");
+  for (const suffix of ["command/velocity", "command/heartbeat", "wizard/reached", "signal"]) {
+    assert.equal(noticeOfDenied({ suffix, reason: "rate" }), null);
+  }
+});
+
+test("an operator reads that the robot has stopped as soon as the broker fails", () => {
+  const word = (fault, changes = {}) =>
+    faultFor(
+      { granted: { epoch: 1 }, connected: true, silent: false, faults: [fault], ...changes },
+      100,
+    )?.word;
+  const broker = { part: "broker", then: "stops", at: 107 };
+  assert.equal(word(broker), "fault.broker.stopped");
+  assert.equal(word({ ...broker, part: "database" }), "fault.database.stops");
+  assert.equal(word(broker, { granted: null }), "fault.broker.watched");
+  assert.equal(word(broker, { connected: false }), undefined);
+  assert.equal(word(broker, { silent: true }), undefined);
+});
+
+test("an operator reads that the robot is silent, whatever the video does", () => {
+  for (const then of ["waits", "stopped"]) {
+    for (const granted of [null, { epoch: 1 }]) {
+      const faults = [{ part: "robot", then, at: null }];
+      const shown = faultFor({ granted, connected: true, silent: false, faults }, 100);
+      assert.equal(shown?.word, "fault.robot.stopped");
+    }
+  }
 });
 
 test("a packet of the server has its defaults, and one of nobody is refused", () => {

@@ -447,6 +447,40 @@ describe("queue and turn", () => {
   });
 });
 
+describe("a page that is open for hours", () => {
+  const HOUR = 3600;
+  const iceServers = [{ urls: ["turn:relay.example.org"], username: "1:ana", credential: "old" }];
+  const fresh = [{ ...iceServers[0], credential: "new" }];
+  const LATE = { type: "link_lost", now: 100 + 5 * HOUR };
+
+  test("a driver whose link is lost opens another with new credentials for the relay", () => {
+    const granted = message("session/granted", { ...GRANTED, iceServers });
+    const lost = play(...DRIVING, granted, { type: "link_live" }, LATE);
+    assert.deepEqual(sent(lost.effects), [["session/take", { session: "s1", peer: "p1" }]]);
+    assert.equal(lost.effects[0].type, "open_link", "and tries the old ones meanwhile");
+    const answer = { ...GRANTED, resumed: true, iceServers: fresh };
+    const again = after(lost.visit, { ...message("session/granted", answer), now: LATE.now });
+    assert.deepEqual(again.effects.at(-1).iceServers, fresh);
+    assert.deepEqual(sent(after(again.visit, { ...LATE, now: LATE.now + 60 }).effects), []);
+  });
+
+  test("one who watches or waits asks for new ones as well", () => {
+    const observing = message("session/observing", { iceServers, sfu: false });
+    const queued = message("session/queued", { session: "s2", place: 1, minutes: 1 });
+    for (const before of [[{ type: "watch" }], [{ type: "drive", now: 50 }, queued]]) {
+      const lost = play(...OPEN, ...before, observing, { type: "link_live" }, LATE);
+      assert.deepEqual(sent(lost.effects), [["session/observe", {}]]);
+    }
+  });
+
+  test("nothing is asked for early, or where there is no relay", () => {
+    const granted = message("session/granted", { ...GRANTED, iceServers });
+    const early = play(...DRIVING, granted, { type: "link_live" }, { ...LATE, now: 100 + HOUR });
+    assert.deepEqual(sent(early.effects), []);
+    assert.deepEqual(sent(play(...DRIVING, LATE).effects), []);
+  });
+});
+
 describe("silence", () => {
   test("a question that the server does not answer is asked again, while it matters", () => {
     const asking = play(...OPEN, { type: "drive" });

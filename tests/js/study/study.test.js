@@ -34,11 +34,8 @@ const SENTENCES = new Map(
   ),
 );
 const CUES = Array.from(
-  /CueKey = Literal\[([^\]]*)\]/
-    .exec(read("experiments/definition/cues.py"))[1]
-    .matchAll(/"(\w+)"/g),
-  ([, key]) => key,
-);
+  read("experiments/definition/cues.py").matchAll(/Key = Literal\[([^\]]*)\]/g),
+).flatMap(([, keys]) => Array.from(keys.matchAll(/"(\w+)"/g), ([, key]) => key));
 const OUTCOMES = Array.from(
   /Outcome = Literal\[([^\]]*)\]/
     .exec(read("experiments/definition/schema.py"))[1]
@@ -109,7 +106,7 @@ const state = (more = {}, visit = {}) => ({
   told: told(),
   now: 100,
   playing: true,
-  arrival: { session: "s", stopId: null, isOver: true },
+  arrival: { session: "s", stopId: null, isOver: true, since: 0 },
   robot: robot(),
   factsheet: { capabilities: ["velocity", "goto", "dock", "undock", "relocalize", "assist"] },
   visit: {

@@ -33,10 +33,9 @@ const state = (more = {}, visit = {}) => ({
 const settled = () => new Promise((resolve) => setImmediate(resolve));
 
 describe("the profile in force", () => {
-  test("is the study's, else the visitor's own, else the suggested, else the standard one", () => {
+  test("is the study's, else the visitor's own, else the standard one", () => {
     assert.equal(nameOf(state()), "standard");
-    assert.equal(nameOf(state({ suggested: "novice" })), "novice");
-    assert.equal(nameOf(state({ suggested: "novice", profile: "technical" })), "technical");
+    assert.equal(nameOf(state({ profile: "technical" })), "technical");
     assert.equal(nameOf(state({ profile: "technical", study: { interface: "expert" } })), "expert");
     assert.equal(
       nameOf(

@@ -5,9 +5,10 @@ import { describe, test } from "node:test";
 import { offerFor } from "../../../static/js/autonomy/offer.js";
 import { isRefusal } from "../../../static/js/protocol/estop_release.js";
 import { newVisit, reduce } from "../../../static/js/protocol/session.js";
-import { alertFor } from "../../../static/js/view/hud/alert.js";
+import { alertFor, staysOverCards } from "../../../static/js/view/hud/alert.js";
 import { cardFor } from "../../../static/js/view/hud/card.js";
 import { clockTime, contains, createDials, roomAt } from "../../../static/js/view/map/dials.js";
+import { standstillOf } from "../../../static/js/view/hud/standstill.js";
 import { statusFor } from "../../../static/js/view/hud/status.js";
 import { createWords } from "../../../static/js/lib/words.js";
 import { freeRobotsIn } from "../../../static/js/waiting/free_robots.js";
@@ -202,9 +203,88 @@ describe("cards", () => {
     const driven = { room: { ...free(""), driver: "Ada" } };
     assert.deepEqual(told(driven).slice(2), ["status.busy"]);
     assert.ok(SENTENCES.has("lobby.stopped.title") && SENTENCES.has("lobby.stopped.text"));
-    const operated = state({ phase: "lobby" }, { robot, room: free(""), operates: true });
-    assert.equal(cardFor(operated).detail.word, "release.held");
-    assert.equal(cardFor(operated).extra.action, "release_stop");
+    const operated = (more) =>
+      cardFor(state({ phase: "lobby" }, { robot, room: free(""), operates: true, ...more }));
+    assert.equal(operated({}).word, "lobby.stopped_operates");
+    assert.equal(operated({}).detail, null, "the text says why it is stopped");
+    assert.equal(operated({}).extra.action, "release_stop");
+    assert.ok(SENTENCES.has("lobby.stopped_operates.text"));
+    const refused = operated({ release: { id: "r", since: 0, refused: true } });
+    assert.equal(refused.detail.word, "release.held_failed");
+    assert.ok(SENTENCES.has("release.held_failed"));
+    assert.equal(operated(waits).detail.word, "release.held");
+  });
+
+  test("who watches a robot that was stopped between visits reads who can release it", () => {
+    const robot = { ...ROBOT, docked: false, safety: { ...ROBOT.safety, inhibited: "stopped" } };
+    const watching = (more) =>
+      alertFor(state({ phase: "watching", link: "live" }, { robot, room: free(""), ...more }));
+    assert.equal(watching({}).word, "alert.held");
+    assert.equal(watching({ operates: true }), null, "the offer to release it says so");
+    assert.equal(watching({ room: { ...free(""), driver: "Ada" } }), null);
+    assert.ok(SENTENCES.has("alert.held"));
+  });
+
+  test("a robot that moves although it should stand still is not called free", () => {
+    const robot = { ...ROBOT, errors: ["runs_on: the robot keeps moving"] };
+    const one = state({ phase: "lobby" }, { robot, room: free("") });
+    assert.deepEqual(
+      [cardFor(one).word, statusFor(one).word, statusFor(one).tone],
+      ["lobby.runs_on", "status.fault", "danger"],
+    );
+    assert.ok(SENTENCES.has("lobby.runs_on.title") && SENTENCES.has("lobby.runs_on.text"));
+  });
+
+  test("that a robot runs on is said before any stop of it, also to who waits in line", () => {
+    const errors = ["runs_on: the robot keeps moving", "adapter_lost: no answer"];
+    for (const robot of STANDSTILLS.map((one) => ({ ...one, errors }))) {
+      assert.equal(standstillOf(robot), "runs_on");
+      const one = state({ phase: "lobby" }, { robot, room: free("") });
+      assert.deepEqual([cardFor(one).word, statusFor(one).word], ["lobby.runs_on", "status.fault"]);
+      for (const phase of ["queued", "turn"]) {
+        const waits = (visit) => alertFor(state({ phase, link: "none", ...visit }, { robot }));
+        assert.deepEqual(waits({}), { word: "alert.runs_on", tone: "danger" });
+        assert.equal(waits({ socket: "lost" }).word, "alert.server");
+        assert.equal(waits({ online: false }), null, "what it said last may be over");
+      }
+    }
+  });
+
+  test("a card says which part fails or what was denied, whatever is said of the robot", () => {
+    const faults = [{ part: "broker", then: "stops", at: 110 }];
+    const denial = { word: "denied.action", at: 99, until: 108 };
+    const card = (visit, more) =>
+      cardFor(state({ link: "live", session: "s", ...visit }, { robot: ROBOT, now: 100, ...more }));
+    const robots = [
+      { safety: { ...ROBOT.safety, collision: true } },
+      { ...ROBOT, cameraStatus: { status: "failed", reason: "gone" } },
+      ...STANDSTILLS,
+    ];
+    for (const robot of robots) {
+      const waits = (more) => card({ phase: "queued" }, { robot, playing: true, ...more });
+      assert.equal(waits({ faults }).warning?.word, "fault.broker.waits");
+      assert.equal(waits({ denial }).warning?.word, "denied.action");
+      assert.equal(waits({ faults, denial }).warning?.word, "fault.broker.waits");
+      assert.equal(waits({}).warning, undefined);
+    }
+    const leaving = (visit, more = {}) =>
+      card({ phase: "driving", ...visit }, { leaving: true, stopUnconfirmed: true, ...more })
+        .warning?.word;
+    assert.equal(leaving({}, { faults }), "fault.broker.stops");
+    assert.equal(leaving({ socket: "lost" }), "alert.server_only");
+    assert.equal(leaving({ socket: "lost", link: "lost" }), "alert.server_driver");
+    assert.equal(leaving({ online: false, link: "lost", serverBlind: true }), "alert.server");
+    assert.equal(leaving({ online: false, link: "lost" }), undefined, "it is not the server");
+    const disk = [{ part: "disk_full", then: "goes_on", at: null }];
+    assert.equal(leaving({}, { faults: disk }), "fault.disk_full");
+  });
+
+  test("an alert that no card says stays in sight while one is open", () => {
+    for (const word of ["estop", "estop_screen", "runs_on", "stop_unconfirmed"]) {
+      assert.ok(staysOverCards(`alert.${word}`) && SENTENCES.has(`alert.${word}`), word);
+    }
+    assert.ok(!staysOverCards("fault.session_manager.waits"), "the card has a line for it");
+    assert.ok(!staysOverCards("alert.turn_ends") && !staysOverCards(""));
   });
 
   test("a robot between two visits is called the same before, after and while one waits", () => {

@@ -7,8 +7,7 @@ import random
 from collections import deque
 from dataclasses import dataclass, field
 
-from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import SpeedSetting
+from experiments.bots.driver import Driver, Guide, SpeedSetting
 from experiments.bots.view import View
 from experiments.definition.cues import LEAVING, NEAR_HOME
 from experiments.definition.shipped import shipped

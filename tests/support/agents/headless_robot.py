@@ -7,12 +7,12 @@ import math
 import numpy as np
 
 from robots.agent.autonomy.area import Area, area_of, update_of
-from robots.agent.autonomy.headless import Headless
 from robots.agent.autonomy.sensor_snapshot import Body, SensorSnapshot
 from robots.agent.simulator.physics.simulation import Simulation
 from robots.api.messages import Velocity
 from robots.world.robot_models import model_of
 from robots.world.sites import load_site
+from tests.support.agents.headless import Headless
 
 DT = 0.02
 ENDED = {"FINISHED", "FAILED", "CANCELLED"}

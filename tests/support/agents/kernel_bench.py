@@ -80,7 +80,7 @@ class Bench:
                 echo=m.Echo(peer="robot", n=beat.n, stamp=beat.stamp, received=there),
             )
             self.kernel.clocks.heard(peer, "mqtt", answer, now=self.now, unix=self.unix)
-            self.kernel.heard(peer, "mqtt", self.now)
+            self.kernel.heartbeat(peer, "mqtt", self.now)
 
     def command(self, linear=0.5, angular=0.0, *, age=0.0, frame_age=0.0, **fields):
         values = {"session": "s1", "epoch": 1, "seq": self.seq + 1, "method": "keyboard"} | fields
@@ -119,7 +119,7 @@ class Bench:
         for step in range(1, round(seconds / TICK) + 1):
             self.now += TICK
             if beats and step % 10 == 0:
-                self.kernel.heard("p1", beats, self.now)
+                self.kernel.heartbeat("p1", beats, self.now)
             if every and step % max(1, round(every / TICK)) == 0:
                 self.drive(**command)
             else:

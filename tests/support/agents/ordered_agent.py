@@ -2,9 +2,10 @@
 made to be killed and stopped.
 
 Everything between the adapter and the driver is the agent's own. A line on standard input is what
-the driver does from now on: `idle`, `drive`, `stop`, `goto X Y` or `dock`. Standard output has a
-JSON line for each action's status, and for each state that differs from the one before in what
-keeps the robot from moving, its mode or its errors. JSON: `adapter`, `profile`, `options`, `plan`
+the driver does from now on: `idle`, `drive`, `stop`, `goto X Y` or `dock`; with `hang` the control
+thread hangs for HANG seconds. Standard output has a JSON line for each action's status, and for
+each state that differs from the one before in what keeps the robot from moving, its mode or its
+errors. JSON: `adapter`, `profile`, `options`, `plan`
 (a site, where the agent navigates itself), `directory`.
 """
 
@@ -20,6 +21,7 @@ from tests.support.agents.control_rig import ThreadedControlRig, own
 
 RENEWAL = 1.0  # s
 TICK = 0.05  # s
+HANG = 4.0  # s
 SPEED = 0.25  # m/s
 
 
@@ -86,6 +88,11 @@ def tell(**event):
     sys.stdout.flush()
 
 
+def hang():
+    tell(hung=True)
+    time.sleep(HANG)
+
+
 def main(wish):
     adapter = registry.create(wish["adapter"], wish["profile"], wish["options"])
     if wish.get("plan"):
@@ -102,7 +109,10 @@ def main(wish):
         tell(port=simulator.address, pids=[simulator._child.pid, adapter.node.pid])
     tell(ready=True)
     for line in sys.stdin:
-        driver.wish = line.split()
+        if line.split() == ["hang"]:
+            rig.post(hang)
+        else:
+            driver.wish = line.split()
 
 
 if __name__ == "__main__":

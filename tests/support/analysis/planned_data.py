@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from experiments.analysis.dataset.records import (
+from experiments.analysis.metrics.definitions import METRICS
+from experiments.analysis.metrics.milestones import Milestones
+from experiments.analysis.metrics.sessions import Measured
+from experiments.dataset.records import (
     Dataset,
     ParticipantRecord,
     ResponseRecord,
     SessionRecord,
 )
-from experiments.analysis.metrics.definitions import METRICS
-from experiments.analysis.metrics.milestones import Milestones
-from experiments.analysis.metrics.sessions import Measured
 from tests.support.analysis.planned import planned_study
 from tests.support.analysis.study_dataset import questionnaires
 

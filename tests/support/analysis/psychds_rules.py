@@ -1,8 +1,8 @@
 """The rules of Psych-DS that its official validator reports as errors, for a folder.
 
-Read from psych-ds/psychds-validator, whose npm package is not in npm's registry: the schema
-(`rules.files`, `rules.errors`, `rules.compiled_metadata`), src/files/csv.ts and
-src/schema/applyRules.ts. Each rule has the validator's code.
+Read from psych-ds/psychds-validator: the schema (`rules.files`, `rules.errors`,
+`rules.compiled_metadata`), src/files/csv.ts and src/schema/applyRules.ts. Each rule has the
+validator's code. The nightly tests run the validator itself (psychds_validator.py).
 """
 
 import csv
@@ -90,6 +90,10 @@ def _files(folder: Path, found: dict) -> Iterator[str]:
         if not FILE.fullmatch(path.name):
             yield f"FILENAME_KEYWORD_FORMATTING_ERROR: {path.name}"
         yield from _table(path, told)
+    heads = {name for path in paths for name in next(csv.reader(path.open(encoding="utf-8")), ())}
+    missing = sorted(told - heads)
+    if missing:
+        yield f"VARIABLE_MISSING_FROM_CSV_COLUMNS: {missing}"
     loose = set((folder / "data").rglob("*.csv")) - set(paths)
     yield from (f"EXTENSION_MISMATCH: {path.name}" for path in sorted(loose))
 

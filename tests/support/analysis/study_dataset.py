@@ -9,9 +9,8 @@ import msgspec
 import numpy as np
 
 import surveys
-from experiments.analysis.dataset.columns import NETWORK, SERIES, STATES
-from experiments.analysis.dataset.records import (
-    Columns,
+from experiments.dataset.columns import Columns, columns_of
+from experiments.dataset.records import (
     Dataset,
     EventRecord,
     PageRecord,
@@ -19,8 +18,8 @@ from experiments.analysis.dataset.records import (
     ResponseRecord,
     RobotRecord,
     SessionRecord,
-    columns_of,
 )
+from experiments.dataset.states import NETWORK, NO_NETWORK, NO_STATES, SERIES, STATES
 from experiments.definition.schema import Course, StudyDefinition
 from experiments.definition.shipped import shipped
 from robots.world.sites import load_plan
@@ -138,8 +137,8 @@ def drive(
         clearance=np.clip(rng.normal(0.6, 0.25, len(t)), 0.02, 3.0),
         contacts=(rng.random(len(t)) < 0.002) * 1.0,
         distance=np.concatenate(([0.0], np.cumsum(np.hypot(np.diff(x), np.diff(y))))),
-        by_position=0,
-        silence=np.full(len(t), 0.1),
+        distance_by_position=0,
+        visitor_silence=np.full(len(t), 0.1),
         commands=commands,
         refused=np.zeros(len(t)),
         age_sum=commands * ages,
@@ -240,8 +239,8 @@ def made_up(
         tuple(responses),
         questions,
         {"office": plan},
-        lambda one: states.get(one, columns_of(STATES)),
-        lambda one: network.get(one, columns_of(NETWORK)),
+        lambda one: states.get(one, NO_STATES),
+        lambda one: network.get(one, NO_NETWORK),
     )
 
 

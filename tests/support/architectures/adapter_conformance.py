@@ -49,26 +49,11 @@ async def wait_for(adapter: Adapter, until, seconds: float = 8.0) -> RcaState:
     return await _until(adapter, until, seconds, lambda: None)
 
 
-async def _states(adapter: Adapter) -> AsyncIterator[RcaState]:
-    """Yield an adapter's states. An adapter that wants to connect again is connected again, once,
-    as by the agent: rospy gives up on a publisher for good (robots/agent/adapters/ros/ros1.py).
-    """
-    try:
-        async for state in adapter.states():
-            yield state
-    except AdapterError as error:
-        if not str(error).endswith("connecting again"):
-            raise
-        await adapter.connect()
-        async for state in adapter.states():
-            yield state
-
-
 async def _until(adapter: Adapter, until, seconds: float, act) -> RcaState:
     state, count = None, 0
     try:
         async with asyncio.timeout(patient(seconds)):
-            async for state in _states(adapter):
+            async for state in adapter.states():
                 count += 1
                 act()
                 if until(state):

@@ -1,4 +1,4 @@
-"""A bus without ROS: it keeps what is published, called and sent."""
+"""A bus without ROS: it records messages, calls and orders to the guard."""
 
 
 class FakeBus:
@@ -6,18 +6,21 @@ class FakeBus:
     answers = True
     advice = ""
     connect_time = None
-    forgotten = problems = ()
+    problems = ()
 
     def __init__(self, version=1, *, guards=False):
         self.version, self.guards = version, guards
-        self.published = []
+        self.published, self.guard_orders = [], []
         self.calls = []
         self.answer = (True, "")
 
     def publish(self, topic, message, *, newest=False):
         self.published.append((topic, message))
 
-    async def call(self, service, kind, arguments=None):
+    def tell_guard(self, **message):
+        self.guard_orders.append(message)
+
+    async def call(self, service, kind, arguments=None, *, within=0.0):
         self.calls.append((service, kind, arguments))
         if isinstance(self.answer, Exception):
             raise self.answer

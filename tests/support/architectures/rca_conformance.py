@@ -17,7 +17,7 @@ from contextlib import asynccontextmanager
 import pytest
 
 from robots.agent.adapters.common import remote_adapter
-from robots.agent.adapters.moos import openmora
+from robots.agent.adapters.moos import openmora_adapter
 from robots.agent.adapters.ros import base
 from robots.agent.robot_interface import ActionRefusedError, Adapter, AdapterError, RcaState
 from robots.api.geometry import Pose2D, wrap_angle
@@ -344,7 +344,7 @@ class RcaConformance(AdapterConformance):
             await again(adapter)
             await cancelled(adapter, "g")
         else:
-            await adapter._let_go("the agent died")
+            await adapter._disconnect("the agent died")
             async with connected(self.make()):
                 await self.has_stopped()
         assert self.rig.world.cancels > before
@@ -412,7 +412,7 @@ class RcaConformance(AdapterConformance):
         if "relocalize" not in adapter.profile.capabilities:
             return
         await self.here(adapter)
-        for module in (openmora, base):
+        for module in (openmora_adapter, base):
             monkeypatch.setattr(module, "LONGEST_RELOCALIZATION", 3.0)
         self.rig.world.deaf = True
         place = self.rig.world.truth.compose(Pose2D(2.5, 0.0, 0.0))

@@ -6,8 +6,8 @@ stops 0.5 s after it, and writes what it does as JSON lines.
 `planner HABIT TOPIC LOG` is move_base, by actionlib's SimpleActionServer, and docks by services: it
 publishes 0.3 m/s ten times a second while a goal is active or it docks. Habits: `obeys`; `misses`
 the first two cancels, which the server never receives; `ignores` every cancel; `resumes` a second
-after a cancel; `hesitates` 6 s before it accepts a goal (actionlib lists it as PENDING meanwhile),
-and answers a call to dock as late as 12 s after it.
+after a cancel; `hesitates` 6 s before it accepts a goal (until then actionlib lists it as PENDING),
+and answers a call to dock as late as 12 s after it; `docks late` only begins to dock then.
 """
 
 import json
@@ -136,7 +136,10 @@ def serve_docking(habit, log):
 
     def dock(_request):
         log.write(dock=True)
+        if habit == "docks late":
+            time.sleep(12.0)
         docking.set()
+        log.write(docks=True)
         if habit == "hesitates":
             time.sleep(12.0)
         return TriggerResponse(True, "")

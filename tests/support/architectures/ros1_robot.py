@@ -1,6 +1,7 @@
 """A real ROS master, and the simulated robot as a node of it."""
 
 import contextlib
+import functools
 import signal
 import socket
 import subprocess
@@ -8,6 +9,7 @@ import time
 from pathlib import Path
 
 from robots.agent.adapters.ros import ros1
+from robots.agent.adapters.ros.bus import Subscription
 from robots.agent.robot_interface import AdapterError
 from tests.support.architectures.frozen import freeze
 from tests.support.architectures.rca_world import RcaRig
@@ -19,7 +21,7 @@ PYTHON = "/usr/bin/python3"
 DOCKING = {"/dock": "dock", "/undock": "undock", "/cancel_dock": "cancel"}
 
 
-class RobotBus(ros1.NodeBus):
+class RobotBus(ros1.Ros1Bus):
     """A node of the robot's own, under a name that stays the same when it is started again."""
 
     script = Path(__file__).with_name("ros1_robot_node.py")
@@ -62,6 +64,9 @@ class RosMaster:
             return True
         return False
 
+    def freeze(self, *, on):
+        freeze(self._process.pid, on=on)
+
     def kill(self):
         if self._process is not None:
             self._process.send_signal(signal.SIGKILL)
@@ -102,9 +107,8 @@ class Ros1Rig(RcaRig):
             robot.hears
             | {name: robot.MOVE_BASE[name] for name in ("/move_base/goal", "/move_base/cancel")}
         ).items():
-            self._bus.subscribe(
-                topic, kind, lambda message, topic=topic: robot.hear(topic, message)
-            )
+            hear = functools.partial(robot.hear, topic)
+            self._bus.subscribe(Subscription(topic, kind, hear))
         for service, verb in DOCKING.items():
             self._bus.offer(
                 service, "std_srvs/Trigger", lambda _, verb=verb: getattr(self.world, verb)()

@@ -26,7 +26,7 @@ class RobotNode(ros1_node.Node):
         )
 
     def do_lose_publishers(self, topic):
-        """Be without whoever publishes a topic, as when rospy has not heard of them."""
+        """Drop the publishers of a topic, as if rospy had not received their list."""
         from rospy.impl.registration import get_topic_manager
 
         heard = get_topic_manager().get_subscriber_impl(topic)

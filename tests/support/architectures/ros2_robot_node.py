@@ -27,14 +27,18 @@ from std_srvs.srv import Trigger
 ROOT = pathlib.Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "robots" / "agent" / "adapters" / "ros"))
 
+import guarded_node
 import ros2_node
 
 LATCHED = ("/amcl_pose", "/estop_latched")
+# Fast DDS logs on standard output: it gets standard error instead, so that no line mixes with ours.
+OUTPUT = os.fdopen(os.dup(sys.stdout.fileno()), "w")
+os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
 
 
 def say(topic, message):
-    sys.stdout.write(json.dumps([topic, message]) + "\n")
-    sys.stdout.flush()
+    OUTPUT.write(json.dumps([topic, message]) + "\n")
+    OUTPUT.flush()
 
 
 def quality(*, latched=False, best_effort=False):
@@ -86,7 +90,7 @@ class Planner:
         self.journey = "running"
         with self.lock:
             if not self.is_cancelled:  # it has been accepted late, and cancelled at once
-                say("goal", ros2_node.plain(goal.request.pose))
+                say("goal", guarded_node.plain(goal.request.pose))
         while self.journey == "running":
             if goal.is_cancel_requested:
                 goal.canceled()
@@ -120,7 +124,7 @@ class Robot:
         self.node.create_subscription(
             ros2_node.type_of(kind, "msg"),
             self.namespace + topic,
-            lambda message: say(topic, ros2_node.plain(message)),
+            lambda message: say(topic, guarded_node.plain(message)),
             quality(latched=latched, best_effort=best_effort),
         )
 

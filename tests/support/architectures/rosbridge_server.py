@@ -2,7 +2,7 @@
 
 Topics, services that a client advertises, and actions of ROS 2 that a client advertises are carried
 as the real one carries them: by type, latched where it was advertised so, without NaN, with a
-status message for whoever asks for nonsense. A robot is a client too.
+status message for a malformed request. A robot is a client, too.
 
 As rosbridge_suite has it: a type other than the established one is refused, with these words
 (rosbridge_library/internal/publishers.py, MultiPublisher; internal/topics.py,

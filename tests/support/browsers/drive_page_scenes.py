@@ -66,6 +66,10 @@ async def drives(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     stopped(site)
     await page.wait_for_selector(".alert[data-word='alert.estop_screen']")
     yield "stopped"
+    await page.evaluate("document.getElementById('leave').click()")
+    await page.wait_for_selector("#card[data-card=leaving]")
+    yield "stopped, asked whether to leave"
+    await page.click("#card-other")
     await chats(page, site)
     yield "stopped, chat"
 
@@ -150,6 +154,11 @@ async def waits(page: Page, site: PresentRobotPage, address: str) -> Scenes:
     yield "queued, others are free"
     site.others = []
     await page.wait_for_selector("#card-instead", state="hidden")
+    site.faults = (protocol.Fault(part="session_manager", then="stopped"),)
+    await page.wait_for_selector("#card-warning[data-word='fault.session_manager.waits']")
+    yield "queued, the server has a problem"
+    site.faults = ()
+    await page.wait_for_selector("#card-warning", state="hidden")
     stopped(site)
     site.keep_waiting("paused: estop")
     await page.wait_for_selector("#presence-talk:not([hidden])")

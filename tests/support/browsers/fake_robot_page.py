@@ -122,6 +122,7 @@ class FakeRobotPage:
         self.deaf_to_channel = False
         self.stopped = False  # the web process, which keeps its sockets and says nothing
         self.faults: tuple[protocol.Fault, ...] = ()  # what it says that fails
+        self.denies: dict[str, str] = {}  # suffix of a page's request to the reason of `denied`
         self.closed_to_sockets = False
         self.answers = threading.Event()  # cleared: the robot's answers wait
         self.answers.set()
@@ -311,6 +312,9 @@ class FakeRobotPage:
             self.heard.append((page.number, "mqtt", "rejected", rejection))
             return
         self.heard.append((page.number, "mqtt", suffix, message))
+        if suffix in self.denies:
+            page.say("denied", protocol.Denied(suffix=suffix, reason=self.denies[suffix]))
+            return
         if suffix.startswith("command/"):
             self._command(suffix, message, CommandSender("mqtt", page.peer), page.peer)
         else:
@@ -441,7 +445,7 @@ class FakeRobotPage:
         now, unix = time.monotonic(), time.time()
         if suffix == "command/heartbeat":
             self.kernel.clocks.heard(peer, sender.way, message, now=now, unix=unix)
-            self.kernel.heard(peer, sender.way, now)
+            self.kernel.heartbeat(peer, sender.way, now)
         elif suffix == "command/velocity":
             verdict = self.kernel.velocity(message, sender, now=now, unix=unix)
             if verdict.reason is None:

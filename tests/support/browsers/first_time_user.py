@@ -18,8 +18,7 @@ from typing import Any, Protocol
 from playwright.sync_api import CDPSession, Locator, Page
 from playwright.sync_api import TimeoutError as PlaywrightTimeout
 
-from experiments.bots.driver import Driver, Guide, Intent
-from experiments.bots.steering import STAND, SpeedSetting
+from experiments.bots.driver import STAND, Driver, Guide, Intent, SpeedSetting
 from experiments.bots.view import View
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.world.sites import load_plan

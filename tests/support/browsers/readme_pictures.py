@@ -83,7 +83,8 @@ def analysis(browser: Browser, site: Site, folder: Path) -> None:
     """The trajectories of a study on the floor plan, and what follows them."""
     slug = site.django(STUDY).strip()
     vera = Visitor(browser, site, "vera", viewport=WIDE)
-    vera.page.goto(f"/studies/{slug}/analysis/trajectories/", timeout=300_000)
+    vera.page.goto(f"/studies/{slug}/analysis/trajectories/")
+    vera.page.locator("#figure-7").wait_for(timeout=300_000)
     vera.page.locator("#figure-7").scroll_into_view_if_needed()
     vera.page.locator("#figure-7").evaluate(
         "(figure) => scrollTo(0, figure.getBoundingClientRect().top + scrollY - 12)"

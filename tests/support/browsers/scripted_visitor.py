@@ -15,10 +15,9 @@ from typing import Any, Protocol
 
 from playwright.sync_api import CDPSession, Page
 
-from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import SpeedSetting
+from experiments.bots.driver import Driver, Guide, SpeedSetting
+from experiments.bots.routes import RouteGrid
 from experiments.bots.view import View
-from experiments.bots.ways import RouteGrid
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D, wrap_angle
 from robots.api.messages import Camera, Point
@@ -255,7 +254,7 @@ class Tour:
                     or math.dist(pressed, pose[:2]) < LEFT
                     or time.monotonic() - since > WAITS
                 ):
-                    way = ways.way(pose[:2], stop)
+                    way = ways.route(pose[:2], stop)
                     pressed, since = self._press(hand, camera, tilt, pose, way), time.monotonic()
                     if pressed is None:
                         self._turn(hand, pose, way, until)

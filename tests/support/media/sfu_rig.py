@@ -14,7 +14,7 @@ from robots.agent.media.webrtc.aiortc_hooks import on_encoded_frame
 from robots.api import codec, topics
 from robots.api.messages import Bye, Candidate, Message, SdpAnswer, SdpOffer, Stay
 from sessions.protocol import WantOffer
-from sessions.sfu.broadcast import Broadcast, Tell, ToSfu
+from sessions.sfu.broadcast import Broadcast, Send, ToSfu
 from sessions.sfu.janus import open_session
 from sessions.sfu.mountpoint import mountpoint_of
 from tests.support import words
@@ -119,7 +119,7 @@ class SfuRig(MemoryBridge):
 class PageServer(Protocol):
     """What a page has of its server: a Broadcast, or the way to one."""
 
-    def join(self, peer: str, tell: Tell) -> None: ...
+    def join(self, peer: str, tell: Send) -> None: ...
 
     def take(self, peer: str, message: ToSfu) -> None: ...
 

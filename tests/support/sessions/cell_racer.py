@@ -27,11 +27,11 @@ def main() -> None:
     for line in sys.stdin:
         start, key = line.split()
         participant = Participant.objects.select_related("study", "user").get(pk=key)
-        standing = grants.standing_of(participant.user, robot)
-        assert standing is not None
+        pending = grants.pending_drive(participant.user, robot)
+        assert pending is not None
         while time.time() < float(start):
             pass  # a sleep wakes up late, and then nobody races
-        condition = grants.assign(standing, timezone.now())
+        condition = grants.draw(participant, pending.cells, timezone.now())
         print(condition.key if condition is not None else "full", flush=True)
 
 

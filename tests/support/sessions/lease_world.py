@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 from sessions.leases.policy import (
     ActiveSession,
     Ask,
-    Deny,
     Grant,
     Hold,
     Resume,
@@ -27,7 +26,7 @@ from sessions.leases.transitions import (
     Withdraw,
     decide_tick,
 )
-from sessions.protocol import AskedThere, Ended, FoundThere, Offered, TurnWarning
+from sessions.protocol import AskedThere, Ended, FoundThere, Offered, Refused, TurnWarning
 
 RULES = Rules(turn=60.0, warning=20.0, start=15.0, grace=10.0)
 ASKING = replace(RULES, idle=120.0)
@@ -104,7 +103,7 @@ class World:
                     seen_at=self.now,
                     lost_at=None if isinstance(decision, Wait) else self.sessions[session].lost_at,
                 )
-            case Deny():
+            case Refused():
                 pass
         return decision
 

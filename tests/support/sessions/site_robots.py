@@ -29,6 +29,7 @@ class Outside:
 
     def __init__(self, rig: RcaRig) -> None:
         self.rig, self.series, self.adapter_name = rig, rig.world.series, rig.adapter_name
+        self.profile = rig.profile
         self.start, self.kill, self.revive, self.options = (
             rig.__enter__,
             rig.kill,
@@ -51,7 +52,7 @@ class Outside:
 class Simulator:
     """The simulator as a process of its own; killed, the robot and its world are gone with it."""
 
-    series, adapter_name, camera = "giraff", "simulator", ()
+    series, profile, adapter_name, camera = "giraff", "giraff", "simulator", ()
 
     def __init__(self, site: Site) -> None:
         self.site, self.port = site, free_port()
@@ -125,11 +126,18 @@ def robot_behind(adapter: str, site: Site, directory: Path) -> Iterator[Architec
             str(site.var),
             "--adapter",
             architecture.adapter_name,
+            "--profile",
+            architecture.profile,
             *options,
             *architecture.camera,
         ]
         site.start("agent", ["-m", "robots.agent", *words])
-        wait_for(lambda: site.robot_is_online(architecture.series), 30, f"a robot of {adapter}")
+        wait_for(
+            lambda: site.robot_is_online(architecture.series),
+            30,
+            f"a robot of {adapter}",
+            lambda: site.log("agent"),
+        )
         yield architecture
     finally:
         if "agent" in site.processes:

@@ -14,10 +14,12 @@ from experiments import publishing
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import Drive, Participant, Study
-from experiments.participation import progress
+from experiments.participation import progress, questions
+from experiments.participation.journey import JourneyPlace
 from robots.floorplans import store_floor_plan
 from robots.models import FloorPlan, Robot
 from sessions.models import Session
+from surveys.models import Answer, Response
 from tests.support.agents.docked_robot import report_in_dock
 from tests.support.robots import create_robot
 
@@ -71,6 +73,27 @@ def assign(participant: Participant, *conditions: str) -> Participant:
     return participant
 
 
+def answered(participant: Participant, key: str, values: dict[str, Any]) -> Participant:
+    """Have somebody answer the questionnaire of a step, and go on to the task."""
+    study, now = participant.study.as_definition(), timezone.now()
+    place = JourneyPlace(participant.visit, 0, key)
+    step: Any = study.step(key)
+    response = questions.ask(participant, place, step, robot=(), outcome="", return_to="", now=now)
+    Response.objects.filter(pk=response.pk).update(finished_at=now)
+    for position, (item, value) in enumerate(values.items()):
+        Answer.objects.create(
+            response=response,
+            item=item,
+            value=value,
+            position=position,
+            first_at=now,
+            answered_at=now,
+        )
+    Participant.objects.filter(pk=participant.pk).update(step="task")
+    participant.refresh_from_db()
+    return participant
+
+
 def session_of(
     robot: Robot,
     participant: Participant,
@@ -116,6 +139,8 @@ def drive_of(
         "seed": 1,
         "granted_at": timezone.now(),
         "settled_at": timezone.now() if outcome else None,
+        "exposed_at": timezone.now() if moved else None,
+        "moved": moved,
         **more,
     }
     return Drive.objects.create(participant=participant, session=session, **fields)

@@ -11,8 +11,9 @@ import msgspec
 import numpy as np
 
 from accounts.models import User
-from experiments.analysis.dataset.levels import METHODS, MODES, WAYS
-from experiments.analysis.dataset.records import Columns, Dataset, SessionRecord
+from experiments.dataset.columns import Columns
+from experiments.dataset.levels import METHODS, MODES, WAYS
+from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.schema import digest
 from experiments.models import Drive, Participant, StepResponse, StepVisit, Study, TaskEvent
 from robots.api import floorplan
@@ -172,7 +173,8 @@ def _drive(dataset: Dataset, session: SessionRecord, stored: Stored, robot: Robo
         seed=1,
         mismatches=[session.mismatch] if session.mismatch else [],
         granted_at=granted,
-        exposed=session.exposed,
+        exposed_at=_at(granted, session.first_frame),
+        moved=not np.isnan(session.first_motion),
         outcome=session.outcome,
         result={"started": first},
         settled_at=granted + 21 * MINUTE,
@@ -217,9 +219,7 @@ def chunks(visit: Visit, states: Columns, granted: float) -> Iterator[StateChunk
 
 
 def _state(states: Columns, index: int, granted: float) -> dict:
-    row = dict(
-        zip([column.name for column in states.layout], states.values[index].tolist(), strict=True)
-    )
+    row = dict(zip(states.dtype.names, states[index].tolist(), strict=True))
     methods = [name for name in METHODS for _ in range(int(row[f"by_{name}"]))]
     ways = [name for name in WAYS for _ in range(int(row[f"on_{name}"]))]
     ages = _ages(row["age_sum"], row["age_max"], len(methods))
@@ -252,7 +252,7 @@ def _state(states: Columns, index: int, granted: float) -> dict:
         "clearance": row["clearance"],
         "contacts": int(row["contacts"]),
         "distance": row["distance"],
-        "visitorSilence": row["silence"],
+        "visitorSilence": row["visitor_silence"],
         "applied": applied,
     }
 
@@ -277,8 +277,8 @@ def samples(visit: Visit, network: Columns, granted: float) -> Iterator[NetworkS
         "jitter": "jitter",
         "frame_age": "frameAge",
     }
-    for row in network.values.tolist():
-        values = dict(zip([column.name for column in network.layout], row, strict=True))
+    for row in network.tolist():
+        values = dict(zip(network.dtype.names, row, strict=True))
         data = {name: values[column] for column, name in names.items()} | {"way": "datachannel"}
         at = granted + values["stamp"]
         yield NetworkSample(session=visit, stamp=at + 3600.0, received_at=at, data=data)

@@ -12,6 +12,28 @@ import io
 import json
 from xml.sax.saxutils import escape
 
+from surveys.definition import to_json
+from surveys.importing.reading import read
+from surveys.importing.report import ImportOutcome
+
+# --- results of an import -------------------------------------------------------------------------
+
+
+def items(document: bytes) -> list[dict]:
+    pages = json.loads(to_json(read(document).definition("test", 1)))["pages"]
+    return [item for page in pages for item in page["items"]]
+
+
+def remarks(document: bytes, name: str) -> str:
+    draft = read(document)
+    (note,) = [one for one in draft.report.notes if one.name == name]
+    return " ".join(note.remarks)
+
+
+def outcomes(document: bytes) -> dict[str, ImportOutcome]:
+    return {note.name: note.outcome for note in read(document).report.notes}
+
+
 # --- Qualtrics ------------------------------------------------------------------------------------
 
 

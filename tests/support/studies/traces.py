@@ -9,6 +9,7 @@ import io
 import json
 import re
 import sys
+import tempfile
 import uuid
 import zipfile
 from collections.abc import Iterable, Iterator, Mapping
@@ -16,6 +17,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import pyreadstat
 from django.apps import apps
 from mcap.reader import make_reader
 
@@ -130,6 +132,8 @@ def members(name: str, content: bytes) -> Iterator[tuple[str, bytes]]:
         yield from members(f"{name}/unpacked", gzip.decompress(content))
     elif content.startswith(b"\x89MCAP0"):
         yield f"{name}/messages", b"\n".join(_of_mcap(content))
+    elif content.startswith((b"$FL2", b"<stata_dta>")):
+        yield f"{name}/table", _of_statistics(content)
 
 
 def _of_mcap(content: bytes) -> Iterator[bytes]:
@@ -142,6 +146,17 @@ def _of_mcap(content: bytes) -> Iterator[bytes]:
     for attached in reader.iter_attachments():
         yield f"{attached.name} {attached.log_time} {attached.create_time}".encode()
         yield attached.data
+
+
+def _of_statistics(content: bytes) -> bytes:
+    """The values and labels of a file of SPSS or Stata."""
+    with tempfile.NamedTemporaryFile() as file:
+        file.write(content)
+        file.flush()
+        is_spss = content.startswith(b"$FL2")
+        frame, about = (pyreadstat.read_sav if is_spss else pyreadstat.read_dta)(file.name)
+    labels = json.dumps([about.column_labels, [*about.variable_value_labels.values()]])
+    return f"{frame.to_csv()}\n{labels}".encode()
 
 
 def traces(files: Mapping[str, bytes], of: Known) -> list[str]:

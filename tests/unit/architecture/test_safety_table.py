@@ -53,7 +53,12 @@ def test_every_row_is_whole_and_names_tests_that_there_are():
 
 
 def test_what_a_visitor_is_said_to_read_stands_on_the_page():
-    words = html.unescape((ROOT / "templates/sessions/_words.html").read_text(encoding="utf-8"))
+    words = html.unescape(
+        "".join(
+            (ROOT / "templates/sessions" / name).read_text(encoding="utf-8")
+            for name in ("_words.html", "_fault_words.html")
+        )
+    )
     sentences = [sentence for row in ROWS for sentence in re.findall(r'"([^"]+)"', row[4])]
     assert len(sentences) >= 10
     assert [sentence for sentence in sentences if sentence not in words] == []
@@ -83,7 +88,11 @@ def test_every_safety_rule_names_a_test_that_exists():
 
 
 def test_every_safety_rule_names_code_that_exists():
-    code = {path: path.read_text(encoding="utf-8") for path in (ROOT / "robots").rglob("*.py")}
+    code = {
+        path: path.read_text(encoding="utf-8")
+        for folder in ("robots", "sessions")
+        for path in (ROOT / folder).rglob("*.py")
+    }
 
     def exists(name):
         if name.endswith(".py"):

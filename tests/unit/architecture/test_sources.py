@@ -41,7 +41,7 @@ def test_lock_files_hold_no_address():
 
 
 def test_every_locked_package_is_pinned_with_hashes():
-    for part in ("", "-server", "-dev", "-ros2"):
+    for part in ("", "-robot", "-server", "-dev", "-ros2"):
         blocks = re.split(r"\n(?=\S)", (ROOT / f"requirements{part}.lock").read_text().strip())
         assert len(blocks) > 30
         for block in blocks:
@@ -53,6 +53,7 @@ def test_the_developers_lock_holds_every_run_time_package_at_the_same_version():
     def pins(name: str) -> set[str]:
         return set(re.findall(r"^([a-z0-9-]+==[^\s;]+)", (ROOT / name).read_text(), re.MULTILINE))
 
+    assert pins("requirements-robot.lock") <= pins("requirements.lock")
     assert pins("requirements.lock") <= pins("requirements-server.lock")
     assert pins("requirements-server.lock") <= pins("requirements-dev.lock")
 
@@ -104,6 +105,7 @@ def test_broad_excepts_stand_only_where_a_loop_must_outlive_everything():
         "robots/agent/control/supervised_adapter.py",
         "robots/agent/control/dispatcher.py",
         "robots/agent/control/loop.py",
+        "robots/agent/adapters/ros/guarded_node.py",
         "robots/agent/adapters/ros/ros1_node.py",
         "robots/agent/adapters/ros/ros2_node.py",
     }
@@ -111,7 +113,7 @@ def test_broad_excepts_stand_only_where_a_loop_must_outlive_everything():
     listeners = {
         "robots/bridge/bridge.py",
         "robots/bridge/delivery.py",
-        "robots/bridge/inbox.py",
+        "robots/bridge/broker_address.py",
         "sessions/consumers/robot_page.py",
         "sessions/page_channel.py",
     }

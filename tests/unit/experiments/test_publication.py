@@ -29,7 +29,7 @@ def test_no_other_last_character_will_do(digit):
     "text",
     ["", "0000000218250097", "0000-0002-1825-097", "0000-0002-1694-233x", "٠٠٠٠-0002-1825-0097"],
 )
-def test_what_has_not_the_form_is_none(text):
+def test_malformed_orcid_is_refused(text):
     assert not is_orcid(text)
 
 
@@ -52,7 +52,7 @@ def test_a_doi_may_be_written_as_an_address(text, doi):
 
 
 @pytest.mark.parametrize("text", ["", "zenodo.1234567", "10.5281", "10.5281/a b", "11.5281/a"])
-def test_what_is_no_doi(text):
+def test_malformed_doi_is_refused(text):
     assert not is_doi(text)
 
 

@@ -6,6 +6,7 @@ import msgspec
 
 from experiments.definition import analyses, coding, design, plan, schema, wizard
 from experiments.definition.cues import CueKey
+from experiments.definition.recruitment import recruiting
 from experiments.definition.steps import KINDS
 from experiments.tasks.progress import EventType
 from surveys.documents import DocumentPart
@@ -23,6 +24,7 @@ PARTS = [
         design,
         wizard,
         plan,
+        recruiting,
         *(sys.modules[kind.__module__] for kind in KINDS.values()),
     )
     for part in vars(module).values()

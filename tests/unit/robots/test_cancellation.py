@@ -8,7 +8,7 @@ import pytest
 from robots.cancellation import cancel
 
 
-async def test_what_a_task_raises_late_is_dropped_though_nobody_waits_for_it_any_more():
+async def test_a_late_exception_of_a_cancelled_task_is_dropped():
     told = []
     loop = asyncio.get_running_loop()
     loop.set_exception_handler(lambda _loop, context: told.append(context["message"]))

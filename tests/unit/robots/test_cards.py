@@ -1,6 +1,7 @@
 import datetime
 
 import pytest
+from django.conf import settings
 
 from robots.cards import STATES, Traffic, card
 from robots.models import FloorPlan, Robot
@@ -159,11 +160,13 @@ def test_a_robot_that_was_stopped_between_visits_is_free_and_says_so():
     stopped = {"returns_home": True, "turnaround": "paused", "turnaround_reason": "stopped"}
     it = shown(**stopped)
     assert (it.state, it.label, it.action) == ("available", "Stopped", "Drive Giraff")
+    assert it.badge == "held"
     assert (
         it.detail
-        == "Someone stopped it after the last visit. It is released when you start to drive."
+        == "Someone stopped it after the last visit. It can move again once you start to drive."
     )
-    assert shown(Traffic(driven=True), **stopped).label == "In use"
+    driven = shown(Traffic(driven=True), **stopped)
+    assert (driven.label, driven.badge) == ("In use", "busy")
 
 
 @pytest.mark.parametrize(
@@ -208,7 +211,7 @@ def test_a_busy_robot_says_which_place_one_would_have_and_for_how_long(waiting, 
     ],
 )
 @pytest.mark.parametrize("changes", [{}, {"held": True}])
-def test_who_waits_reads_their_own_place_and_is_led_back_to_it(minutes, words, changes):
+def test_the_card_shows_a_waiting_visitor_their_place_and_leads_back_to_it(minutes, words, changes):
     it = shown(Traffic(driven=True, waiting=3, place=2, minutes=minutes), **changes)
     assert (it.state, it.detail, it.action, it.own) == ("busy", words, "Back to the queue", True)
 
@@ -228,7 +231,7 @@ def test_an_emergency_stop_is_told_before_what_is_not_reached():
     assert shown(report={**LOST, "safety": {"estop": True}}).label == "Stopped"
 
 
-def test_what_an_offline_robot_did_not_reach_is_over():
+def test_an_offline_robot_that_was_not_reached_is_shown_as_offline():
     assert shown(connection="OFFLINE", report=LOST).state == "offline"
 
 
@@ -239,12 +242,19 @@ def test_a_robot_with_a_fault_is_not_free_and_says_so_and_the_fault_is_not_told_
     assert it.detail == "The robot has a fault. You can drive again once it is solved."
 
 
+def test_a_robot_that_moves_although_it_should_be_at_rest_is_not_free_and_says_so():
+    it = shown(report={"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: it moves"]})
+    assert (it.state, it.label, it.drives) == ("stopped", "Not available", False)
+    page = (settings.BASE_DIR / "templates/sessions/_words.html").read_text()
+    assert f'data-word="lobby.runs_on.text">{{% translate "{it.detail}" %}}' in page
+
+
 @pytest.mark.parametrize("source", ["screen:Giraff", "button"])
 def test_a_robot_that_somebody_beside_it_has_stopped_says_so(source):
     report = {"safety": {"estop": True, "estopSource": source}}
     assert shown(report=report).detail.startswith("Stopped by someone next to it.")
 
 
-def test_what_keeps_a_robot_from_a_single_command_is_no_standstill():
+def test_a_reason_that_refuses_single_commands_is_no_standstill():
     for inhibited in ("collision", "stopped", "no_lease"):
         assert shown(report={"safety": {"inhibited": inhibited}}).state == "available"

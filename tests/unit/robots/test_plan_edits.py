@@ -9,7 +9,7 @@ from django.utils import translation
 from robots.api import floorplan
 from robots.plan_edits import EditError, checkpoints_of, edited, openings_of, with_new
 from robots.world.sites import SHIPPED
-from robots.world.tracing.joining import joined
+from robots.world.tracing.rooms import joined
 from tests.support.agents.mapped_building import building
 
 WORDS = {"place": "Place", "dock": "Station", "checkpoint": "Checkpoint", "opening": "Opening"}
@@ -55,7 +55,7 @@ def test_a_path_that_was_drawn_for_other_checkpoints_is_left_out():
     assert moved["routes"][1] == plan["routes"][1]
 
 
-def test_what_the_page_shows_rounded_keeps_its_digits_when_nobody_moves_it():
+def test_values_that_the_page_shows_rounded_keep_their_digits_until_moved():
     plan = document() | {"places": [{"name": "a", "title": "A", "x": 1.2345, "y": 4.5678}]}
     fields = {"places.0.x": "1.23", "places.0.y": "4.57", "places.0.title": "A"}
     assert edited(plan, fields, anywhere)["places"] == plan["places"]

@@ -6,7 +6,7 @@ from robots.readiness_text import REASONS, in_words, reason_of
 GOLDEN = json.loads((Path(__file__).parents[2] / "golden/reasons.json").read_text())
 
 
-def test_what_the_agent_says_of_its_navigation_has_the_name_that_the_page_gives_it():
+def test_reasons_of_the_navigation_have_the_same_names_as_on_the_page():
     assert {said: reason_of(said)[0] for said in GOLDEN} == GOLDEN
 
 
@@ -28,6 +28,6 @@ def test_the_words_name_the_door_or_the_room():
     assert in_words(stands) == "an obstacle is in the way (50 % Hall)"
 
 
-def test_what_is_not_known_stays_as_the_robot_said_it():
+def test_an_unknown_reason_is_shown_as_the_robot_reported_it():
     assert in_words("the flux compensator hums") == "the flux compensator hums"
     assert in_words("dock") == "driving to its charging station"

@@ -3,6 +3,7 @@ import pytest
 from robots.presence.report import fault_of, is_stopped_there, standstill_of
 
 FAULT = {"inhibited": "fault"}
+RUNS_ON = "runs_on: the robot keeps moving although it was told to stop"
 
 
 @pytest.mark.parametrize(
@@ -12,6 +13,8 @@ FAULT = {"inhibited": "fault"}
         ({"safety": FAULT, "errors": ["adapter_lost: no answer"]}, "not_connected"),
         ({"safety": FAULT, "errors": ["rival: another agent runs"]}, "fault"),
         ({"safety": {"inhibited": "no_lease"}, "errors": ["lens dirty"]}, ""),
+        ({"safety": {"inhibited": "no_lease"}, "errors": ["lens dirty", RUNS_ON]}, "fault"),
+        ({"safety": {"estop": True}, "errors": [RUNS_ON]}, "estop"),
         ({"safety": {"inhibited": "collision"}}, ""),
         ({}, ""),
         (None, ""),
@@ -33,3 +36,8 @@ def test_a_stop_was_pressed_there_at_the_screen_or_the_robots_own_button():
 def test_a_fault_is_told_without_its_name():
     assert fault_of({"errors": ["rival: another agent runs"]}) == "another agent runs"
     assert [fault_of(report) for report in ({}, None, {"errors": []}, {"errors": [1]})] == [""] * 4
+
+
+def test_of_several_faults_the_one_told_is_that_the_robot_does_not_stop():
+    report = {"errors": ["lens dirty", RUNS_ON]}
+    assert fault_of(report) == "the robot keeps moving although it was told to stop"

@@ -36,7 +36,7 @@ def test_a_robot_is_called_and_described_in_the_language_of_the_page(language, t
     assert found.titles == {"es": "Jirafa"}
 
 
-def test_what_is_not_translated_is_shown_as_it_is():
+def test_a_text_without_a_translation_is_shown_untranslated():
     with translation.override("es"):
         found = robot(translations={"es": {"description": "Un robot esbelto."}})
         assert (found.shown_title, found.shown_description) == ("Giraff", "Un robot esbelto.")

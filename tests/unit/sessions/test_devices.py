@@ -1,4 +1,4 @@
-"""What is kept of a visitor's device."""
+"""The stored description of a visitor's device."""
 
 import pytest
 
@@ -121,7 +121,7 @@ def test_the_full_address_is_nowhere_in_what_is_kept():
     ("forwarded", "direct", "trusted", "network"),
     [
         ("198.51.100.7", "10.0.0.1", ["10.0.0.1"], "198.51.100.0/24"),
-        # nobody is trusted, whatever the header says
+        # no proxy is trusted, and the header is ignored
         ("198.51.100.7", "10.0.0.1", [], "10.0.0.0/24"),
         # the visitor's own claim stands left
         ("6.6.6.6, 198.51.100.7", "10.0.0.1", ["10.0.0.0/8"], "198.51.100.0/24"),

@@ -9,14 +9,13 @@ import pytest
 from robots.api import codec, topics
 from robots.api.errors import Rejection
 from sessions import protocol
-from sessions.leases.store import TakeRefused
 from sessions.models import Session
 from tests.support.paths import ROOT
 
 
 def test_no_suffix_of_the_page_is_one_of_the_robot_api():
-    # `signal/reply` looks like the signal of a peer called reply; peers are called by the server,
-    # in random letters.
+    # `signal/reply` looks like the signal of a peer called reply, but the server gives peers random
+    # names.
     ours = {*protocol.TO_SERVER, *protocol.TO_PAGE, protocol.SIGNAL} - {"signal/reply"}
     assert all(topics.find(suffix) is None for suffix in ours)
 
@@ -70,17 +69,15 @@ def test_a_page_report_keeps_the_pages_own_words():
         ("signal", '{"type":"stay"}'),
     ],
 )
-def test_what_is_not_a_word_of_the_page_is_malformed(suffix, payload):
+def test_frames_of_other_shapes_are_malformed(suffix, payload):
     with pytest.raises(Rejection) as rejected:
         protocol.decode(suffix, payload)
     assert rejected.value.reason == "malformed"
 
 
-def test_every_outcome_and_every_refusal_fits_into_its_message():
+def test_every_outcome_fits_into_its_message():
     for outcome in Session.Outcome.values:
         assert msgspec.convert({"session": "s", "outcome": outcome}, protocol.Ended)
-    for reason in TakeRefused.__annotations__["reason"].__args__:
-        assert msgspec.convert({"reason": reason}, protocol.Refused)
 
 
 def test_close_codes_differ_and_are_for_applications():

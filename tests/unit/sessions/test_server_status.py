@@ -1,4 +1,4 @@
-"""What a page is told of a part that fails: which, and what follows for who drives."""
+"""The faults that a page receives, and their effect on driving."""
 
 import pytest
 
@@ -35,7 +35,7 @@ def test_without_who_renews_leases_the_robot_stops_when_its_own_runs_out(driven,
 
 
 @pytest.mark.parametrize("part", ["broker", "session_manager", "database", "robot"])
-def test_where_nobody_drives_who_waits_goes_on_waiting(part):
+def test_without_a_driver_visitors_go_on_waiting(part):
     assert (
         told(KnownRobot("giraff"), 1.0, part)
         == f'server/status\n{{"faults":[{{"part":"{part}","then":"waits"}}]}}'

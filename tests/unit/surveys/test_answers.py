@@ -1,4 +1,4 @@
-"""What is an answer, and what is none."""
+"""Answers that questions allow or refuse."""
 
 import datetime
 
@@ -13,7 +13,7 @@ from tests.support.studies.questionnaires import NOW, OPTIONS, defined, item
 ALONE = [*OPTIONS[:2], {"value": "none", "label": {"en": "None"}, "alone": True}]
 
 
-def said(
+def answer_to(
     kind: str, *values: str, reason: str = "", now: datetime.datetime = NOW, **more
 ) -> AnswerValue:
     question = defined([item(kind, "q", **more)]).question("q")
@@ -43,21 +43,21 @@ def said(
     ],
 )
 def test_an_answer_is_stored_as_a_value_of_its_kind(kind, more, values, stored):
-    given = said(kind, *values, **more)
+    given = answer_to(kind, *values, **more)
     assert given == AnswerValue(value=stored)
     assert type(given.value) is type(stored)
 
 
 def test_a_comma_is_a_decimal_mark_in_spanish_and_refused_in_english():
     with translation.override("es"):
-        assert said("number", "2,5") == AnswerValue(value=2.5)
+        assert answer_to("number", "2,5") == AnswerValue(value=2.5)
     for text in ("2,5", "1,000"):
         with translation.override("en"), pytest.raises(RefusedError, match="no comma"):
-            said("number", text)
+            answer_to("number", text)
 
 
 @pytest.mark.parametrize(
-    ("kind", "more", "values", "told"),
+    ("kind", "more", "values", "message"),
     [
         ("likert", {}, ["2"], "one of the options offered"),
         ("likert", {}, ["1", "0"], "one answer"),
@@ -94,16 +94,16 @@ def test_a_comma_is_a_decimal_mark_in_spanish_and_refused_in_english():
         ("slider", {}, ["7.5"], "from 0 to 100"),
     ],
 )
-def test_an_answer_out_of_bounds_is_refused_with_the_bound(kind, more, values, told):
-    with pytest.raises(RefusedError, match=told):
-        said(kind, *values, **more)
+def test_an_answer_out_of_bounds_is_refused_with_the_bound(kind, more, values, message):
+    with pytest.raises(RefusedError, match=message):
+        answer_to(kind, *values, **more)
 
 
 def test_today_is_any_day_that_it_is_somewhere_on_earth():
     night = NOW.replace(hour=23)
-    assert said("date", "2026-03-05", latest="today", now=night).value == "2026-03-05"
+    assert answer_to("date", "2026-03-05", latest="today", now=night).value == "2026-03-05"
     morning = NOW.replace(hour=1)
-    assert said("date", "2026-03-03", earliest="today", now=morning).value == "2026-03-03"
+    assert answer_to("date", "2026-03-03", earliest="today", now=morning).value == "2026-03-03"
 
 
 @pytest.mark.parametrize(
@@ -111,7 +111,7 @@ def test_today_is_any_day_that_it_is_somewhere_on_earth():
 )
 def test_saying_nothing_is_skipped_and_refused_only_where_an_answer_is_required(kind):
     for values in ([], [""], ["  "]):
-        assert said(kind, *values) == AnswerValue(missing=Missing.SKIPPED)
+        assert answer_to(kind, *values) == AnswerValue(missing=Missing.SKIPPED)
     required = defined([item(kind, "q", required=True)]).question("q")
     with pytest.raises(RefusedError, match="Answer this question"):
         check_complete(required, AnswerValue(missing=Missing.SKIPPED))
@@ -120,12 +120,12 @@ def test_saying_nothing_is_skipped_and_refused_only_where_an_answer_is_required(
 
 
 @pytest.mark.parametrize("kind", ["likert", "single"])
-def test_where_one_choice_excludes_the_others_a_reason_is_one_of_them(kind):
-    assert said(kind, "~preferred_not", prefer_not=True) == AnswerValue(
+def test_a_reason_is_one_of_the_choices_of_a_single_choice(kind):
+    assert answer_to(kind, "~preferred_not", prefer_not=True) == AnswerValue(
         missing=Missing.PREFERRED_NOT
     )
     with pytest.raises(RefusedError):
-        said(kind, "~preferred_not", not_applicable=True)
+        answer_to(kind, "~preferred_not", not_applicable=True)
 
 
 @pytest.mark.parametrize(
@@ -140,14 +140,14 @@ def test_where_one_choice_excludes_the_others_a_reason_is_one_of_them(kind):
     ],
 )
 def test_elsewhere_a_reason_comes_beside_the_answer_and_not_with_it(kind, value):
-    assert said(kind, reason="not_applicable", not_applicable=True) == AnswerValue(
+    assert answer_to(kind, reason="not_applicable", not_applicable=True) == AnswerValue(
         missing=Missing.NOT_APPLICABLE
     )
     with pytest.raises(RefusedError, match="Give either an answer or one reason"):
-        said(kind, value, reason="not_applicable", not_applicable=True)
+        answer_to(kind, value, reason="not_applicable", not_applicable=True)
     for forged in ("preferred_not", "not_reached", "skipped", "nonsense"):
         with pytest.raises(RefusedError, match="one of the options offered"):
-            said(kind, reason=forged, not_applicable=True)
+            answer_to(kind, reason=forged, not_applicable=True)
 
 
 def test_missing_is_one_of_five_and_says_what_happened():

@@ -60,7 +60,7 @@ def test_a_condition_on_an_order_asks_what_is_first():
     for order, shown in (("abc", True), ("bca", True), ("cab", False)):
         keys = shown_keys(definition, {"r": list(order)}, Circumstances())
         assert ("why" in keys) is shown
-    reader = Reader("en", 0, {}, Circumstances(), NOW)
+    reader = Reader("en", 0, NOW)
     _, why = page_form_of(definition, 0, reader, [0]).controls
     assert json.loads(why.show_if)["is"] == ["1.a", "1.b"]
 

@@ -51,8 +51,8 @@ def read(sent: str) -> dict:
     return WalkForm.read(Walk, QueryDict(sent))
 
 
-def told(walk: dict) -> dict[str, str]:
-    return WalkForm(Walk, walk, is_sent=True).told
+def refusals(walk: dict) -> dict[str, str]:
+    return WalkForm(Walk, walk, is_sent=True).refusals
 
 
 def test_points_are_written_one_a_line_and_read_again():
@@ -60,14 +60,14 @@ def test_points_are_written_one_a_line_and_read_again():
     assert walk["path"] == [[1.0, 2.0], [-0.5, 3.25]]
     assert msgspec.convert(walk, Walk).path == ((1.0, 2.0), (-0.5, 3.25))
     assert WalkForm(Walk, walk)["path"].value() == "1 2\n-0.5 3.25"
-    assert told(walk) == {}
+    assert refusals(walk) == {}
 
 
 @pytest.mark.parametrize("path", ["1", "1 2 3", "1 2\nx y", "[[1,2]]"])
-def test_points_that_are_none_are_told_and_kept(path):
+def test_invalid_points_are_reported_and_kept(path):
     walk = read(urlencode({"path": path}))
     assert walk["path"] == path
-    assert told(walk) == {"path": "Write one point per line: x and y in metres."}
+    assert refusals(walk) == {"path": "Write one point per line: x and y in metres."}
 
 
 def test_parts_whose_place_says_their_number_are_counted_from_0():

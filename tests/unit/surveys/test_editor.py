@@ -1,4 +1,4 @@
-"""A questionnaire while it is written: keys, places, and what is told."""
+"""Changes in the editor: keys, places and problems."""
 
 import copy
 
@@ -11,7 +11,7 @@ from surveys.definition import Definition
 from surveys.document_forms.problem_text import sentences
 from surveys.editor.draft import EditorPlace, arrange, complete, earlier, new_entry, new_question
 from surveys.editor.labels import READY, EditorForm, kind_name, ready_points
-from surveys.editor.overview import told
+from surveys.editor.overview import problem_texts
 from surveys.problems import problems
 from surveys.questions import TYPES
 from tests.support.studies.questionnaires import document, item, rows
@@ -26,8 +26,8 @@ def keys(written: dict) -> list[list[str]]:
     return [[item["key"] for item in page["items"]] for page in written["pages"]]
 
 
-def said(written: dict) -> dict[str, list[str]]:
-    found = told(problems(msgspec.convert(written, Definition)), written)
+def texts_by_place(written: dict) -> dict[str, list[str]]:
+    found = problem_texts(problems(msgspec.convert(written, Definition)), written)
     return {place.key or place.section: texts for place, texts in found.items()}
 
 
@@ -37,8 +37,8 @@ def test_a_new_question_of_every_type_is_stored_though_its_words_are_missing(kin
     question = new_question(kind, "agree", written)
     written["pages"][0]["items"].append(question)
     assert msgspec.convert(written, Definition).question("q1") or question["rows"]
-    assert "Text (English) is missing." in said(written)["q1"]
-    assert EditorForm(TYPES[kind], question, languages=["en"], is_sent=True).told == {}
+    assert "Text (English) is missing." in texts_by_place(written)["q1"]
+    assert EditorForm(TYPES[kind], question, languages=["en"], is_sent=True).refusals == {}
     assert str(kind_name(kind)) != kind
 
 
@@ -78,7 +78,7 @@ def test_conditions_and_topics_follow_a_question_that_is_renamed():
     assert written["topics"][0]["items"] == ["choice"]
 
 
-def test_a_key_that_is_empty_or_taken_is_made_again_and_an_option_is_named_after_its_label():
+def test_empty_and_taken_keys_are_replaced_and_options_named_by_label():
     written = whole([item("single", "a"), item("grid", "g", rows=rows("r"))])
     former = written["pages"][0]["items"][1]
     part = complete({**former, "key": "a", "rows": [{"key": "", "text": {}}]}, former, written)
@@ -92,10 +92,8 @@ def test_a_key_that_is_empty_or_taken_is_made_again_and_an_option_is_named_after
 
 def test_a_new_point_of_a_scale_has_the_next_value():
     cls = EditorPlace("scales").cls({})
-    assert new_entry(cls, "points", {"points": [{"value": 3}, {"value": -1}]}, whole([])) == [
-        {"value": 4}
-    ]
-    assert new_entry(cls, "nonsense", {}, whole([])) == []
+    points = [{"value": 3}, {"value": -1}]
+    assert new_entry(cls, "points", {"points": points}, whole([])) == {"value": 4}
 
 
 @pytest.mark.parametrize("name", READY)
@@ -115,7 +113,7 @@ def test_a_condition_may_ask_what_comes_before():
     assert list(earlier(definition, EditorPlace("pages", "page1"))) == []
 
 
-def test_problems_are_told_where_they_are_mended_without_keys():
+def test_problems_are_listed_where_they_are_corrected_without_keys():
     broken = [
         item("likert", "a", scale="none"),
         item("single", "b", options=[], show_if={"item": "z", "is": [1]}),
@@ -124,7 +122,7 @@ def test_problems_are_told_where_they_are_mended_without_keys():
     ]
     ends = [{"value": 1}, {"value": 1}]
     written = whole(broken, [], scoring="sus", scales={"agree": ends})
-    assert said(written) == {
+    assert texts_by_place(written) == {
         "about": ["The SUS needs ten statements on a scale from 1 to 5."],
         "page2": ["This page has no questions. Add one."],
         "agree": ["The values must increase from point to point."],
@@ -138,11 +136,11 @@ def test_problems_are_told_where_they_are_mended_without_keys():
     }
 
 
-def test_problems_are_told_in_the_language_of_now():
+def test_problems_are_in_the_language_of_the_page():
     written = whole([item("likert", "a", scale="none")], languages=["es"])
     found = list(problems(msgspec.convert(written, Definition)))
     with override("es"):
-        assert "Elige una escala." in told(found, written)[EditorPlace("questions", "a")]
+        assert "Elige una escala." in problem_texts(found, written)[EditorPlace("questions", "a")]
         assert "a: scale none: Elige una escala." in sentences(found)
         assert "a: scale none: Choose a scale." in map(str, found)
 

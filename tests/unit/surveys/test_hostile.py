@@ -1,4 +1,4 @@
-"""Files and fields nobody sane would send: each is taken or refused, and nothing else happens."""
+"""Hostile files and fields: each is read or refused."""
 
 import copy
 import json
@@ -7,7 +7,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from surveys.answers import Missing, read_answer
-from surveys.conditions import Circumstances
 from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.item import RefusedError
@@ -87,7 +86,7 @@ def places(part, path=()):
 
 
 def parsed(content):
-    """Return the definition and what is wrong with it; one of them is there."""
+    """Return the definition or its problems."""
     try:
         return parse(content), []
     except BadDefinitionError as error:
@@ -118,9 +117,7 @@ def test_a_file_with_one_thing_changed_is_either_right_or_refused_with_a_reason(
     if definition is None:
         return
     assert parse(to_json(definition)) == definition
-    reader = Reader(
-        language="en", seed=1, stored={}, circumstances=Circumstances(), now=NOW, sees_all=True
-    )
+    reader = Reader("en", seed=1, now=NOW, sees_all=True)
     for page in range(len(definition.pages)):
         assert page_form_of(definition, page, reader, range(len(definition.pages))).fieldsets
 
@@ -134,16 +131,16 @@ def test_bytes_are_refused_as_json(content):
 def test_whatever_is_sent_to_a_question_is_an_answer_that_it_allows_or_refused(
     key, values, reasons
 ):
-    told, refused = read(key, {key: values, f"{key}~": reasons})
-    assert (told is None) == bool(refused)
-    if told is None:
+    answer, refused = read(key, {key: values, f"{key}~": reasons})
+    assert (answer is None) == bool(refused)
+    if answer is None:
         return
-    assert (told.value is None) == (told.missing is not None)
-    assert told.missing is not Missing.NOT_REACHED
-    if told.value is not None:
-        json.dumps(told.value, allow_nan=False)
-        again = DEFINITION.question(key).item.sent(told.value)
-        assert read(key, {key: again}) == (told, "")
+    assert (answer.value is None) == (answer.missing is not None)
+    assert answer.missing is not Missing.NOT_REACHED
+    if answer.value is not None:
+        json.dumps(answer.value, allow_nan=False)
+        again = DEFINITION.question(key).item.sent(answer.value)
+        assert read(key, {key: again}) == (answer, "")
 
 
 def test_the_file_that_is_changed_above_is_right():

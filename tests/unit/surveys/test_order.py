@@ -40,7 +40,7 @@ def test_every_item_comes_first_about_equally_often():
     assert all(900 < firsts.count(name) < 1100 for name in "abc")
 
 
-def test_what_excludes_the_others_stays_at_the_end():
+def test_an_option_that_excludes_the_others_stays_at_the_end():
     definition = defined([item("multiple", "m", order="shuffled", options=[NONE, *OPTIONS])])
     m = definition.question("m").item
     assert {m.options_shown(seed)[-1].value for seed in range(20)} == {"none"}

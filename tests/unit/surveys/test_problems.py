@@ -74,7 +74,7 @@ def test_every_kind_of_item_is_read_and_written_again_without_loss():
 
 
 @pytest.mark.parametrize(
-    ("content", "said"),
+    ("content", "message"),
     [
         (b"{", "not valid JSON"),
         (b"\xff\xfe", "not valid JSON"),
@@ -84,12 +84,12 @@ def test_every_kind_of_item_is_read_and_written_again_without_loss():
         (b"[" * 100_000, "Expected `object`"),
     ],
 )
-def test_what_is_no_definition_at_all_is_told_apart(content, said):
-    assert said in refused(content)
+def test_files_that_are_no_definition_have_a_message_of_their_own(content, message):
+    assert message in refused(content)
 
 
 @pytest.mark.parametrize(
-    ("change", "said"),
+    ("change", "message"),
     [
         ({"format": 2}, "$.format"),
         ({"version": 0}, "$.version"),
@@ -125,12 +125,12 @@ def test_what_is_no_definition_at_all_is_told_apart(content, said):
         ),
     ],
 )
-def test_a_wrong_whole_is_told_with_its_place(change, said):
-    assert said in refused(document([likert()], **change))
+def test_a_problem_of_the_questionnaire_has_its_place(change, message):
+    assert message in refused(document([likert()], **change))
 
 
 @pytest.mark.parametrize(
-    ("items", "said"),
+    ("items", "message"),
     [
         ([], "page page1: This page has no questions."),
         (
@@ -176,12 +176,12 @@ def test_a_wrong_whole_is_told_with_its_place(change, said):
         ([item("date", "d", earliest="2021-01-01", latest="2020-01-01")], "after the latest day"),
     ],
 )
-def test_a_wrong_item_is_told_with_its_key(items, said):
-    assert said in refused(document(items))
+def test_a_problem_of_an_item_has_its_key(items, message):
+    assert message in refused(document(items))
 
 
 @pytest.mark.parametrize(
-    ("condition", "said"),
+    ("condition", "message"),
     [
         ({}, "own: show_if: Choose when it is shown"),
         ({"item": "q1"}, "own: show_if: Choose both an earlier question"),
@@ -195,7 +195,7 @@ def test_a_wrong_item_is_told_with_its_key(items, said):
         ({"item": "r", "at_most": 1}, "Only the answer to a number question"),
     ],
 )
-def test_a_condition_that_cannot_be_decided_is_refused(condition, said):
+def test_a_condition_that_cannot_be_decided_is_refused(condition, message):
     items = [
         likert(),
         item("single", "s"),
@@ -203,7 +203,7 @@ def test_a_condition_that_cannot_be_decided_is_refused(condition, said):
         item("text", "own", show_if=condition),
         item("single", "later"),
     ]
-    assert said in refused(document(items))
+    assert message in refused(document(items))
 
 
 def test_on_a_shuffled_page_no_question_is_earlier_than_another():
@@ -220,11 +220,11 @@ def test_on_a_shuffled_page_no_question_is_earlier_than_another():
     assert parse(as_bytes({**document(), "pages": fine}))
 
 
-def test_all_problems_are_told_at_once():
-    told = refused(
+def test_all_problems_are_listed_at_once():
+    messages = refused(
         document([likert(scale="none"), item("single", "s", options=[])], title={"en": ""})
     )
-    assert len(told.splitlines()) == 3
+    assert len(messages.splitlines()) == 3
 
 
 def test_the_text_version_changes_with_any_word_of_its_language_and_with_no_other():
@@ -265,7 +265,7 @@ TOPIC = {"key": "t", "text": {"en": "T"}, "items": ["q1", "s"]}
 
 
 @pytest.mark.parametrize(
-    ("items", "change", "said"),
+    ("items", "change", "message"),
     [
         ([likert(reverse=True)], {}, "q1: reverse: It is reversed, but no score uses it."),
         (
@@ -282,8 +282,8 @@ TOPIC = {"key": "t", "text": {"en": "T"}, "items": ["q1", "s"]}
         ([item("grid", "g", rows=rows("r"), reverse=True)], {}, "unknown field `reverse`"),
     ],
 )
-def test_an_item_is_reversed_only_where_a_score_can_count_it_so(items, change, said):
-    assert said in refused(document(items, **change))
+def test_an_item_is_reversed_only_where_a_score_can_count_it_so(items, change, message):
+    assert message in refused(document(items, **change))
 
 
 def test_sus_reverses_its_even_statements_itself():
@@ -295,6 +295,6 @@ def test_sus_reverses_its_even_statements_itself():
 def test_a_document_of_many_problems_lists_the_first_hundred():
     wrong = document([item("text", "t")])
     wrong["title"] |= {f"k{number}": "x" for number in range(5_000)}
-    told = refused(wrong).splitlines()
-    assert len(told) == 101
-    assert told[-1] == "Only the first 100 problems are listed."
+    messages = refused(wrong).splitlines()
+    assert len(messages) == 101
+    assert messages[-1] == "Only the first 100 problems are listed."

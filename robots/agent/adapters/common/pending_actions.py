@@ -30,11 +30,9 @@ Kind = Literal["goto", "dock", "undock", "tilt", "relocalize"]
 
 @dataclass(frozen=True)
 class ExpectedArea:
-    """Where a robot that was told so should find itself: a square in map metres, and a heading in
-    radians unless that was not told.
+    """Where the robot must find itself: a square in map metres, perhaps with a heading in radians.
 
-    `settles` is how many seconds after the order a pose counts: an RCA that says its pose all the
-    time says the old one first.
+    A pose counts `settles` seconds after the order: an RCA repeats the old pose first.
     """
 
     x: float
@@ -45,7 +43,6 @@ class ExpectedArea:
     settles: float = 0.0
 
     def holds(self, pose: Pose) -> bool:
-        """Return whether a pose is in here."""
         near = max(abs(pose.x - self.x), abs(pose.y - self.y)) <= self.half_width
         return near and (
             self.theta is None or abs(wrap_angle(pose.theta - self.theta)) <= self.half_turn
@@ -94,11 +91,7 @@ class PendingActions:
         self._tell = tell
 
     def own(self, pending: PendingAction) -> None:
-        """Take an action that is about to be sent and may move the base.
-
-        Raises:
-            ActionRefusedError: the end of an earlier one is not confirmed.
-        """
+        """Take an action to be sent; raises ActionRefusedError while another may move the base."""
         if self.drive is not None:
             raise ActionRefusedError("the robot has not confirmed the end of its last action")
         self.drive = pending
@@ -151,15 +144,10 @@ class PendingActions:
         pose: Pose = NOWHERE,
         fixed_at: float = -math.inf,
     ) -> None:
-        """End what was reached or takes too long; an action that moves the base gets a `failure`
-        instead, to be cancelled.
+        """End what was reached or is late; one that moves the base gets a `failure`, to cancel it.
 
-        Args:
-            now: monotonic seconds.
-            dock: whether the robot is docked, and whether its contacts meet.
-            tilt: the head's angle in radians, None when unknown.
-            pose: where the robot says that it is.
-            fixed_at: when its localization said so last, monotonic seconds.
+        `now` and `fixed_at`, the last report of the localization, are monotonic seconds; `tilt` is
+        in radians, None when unknown.
         """
         self._watch_head(now, tilt)
         self._watch_position(now, pose, fixed_at)

@@ -1,5 +1,6 @@
-"""What is wrong in a robot's profile, for whoever wrote it: the line, the key, what is there, and
-what should be. Pure: tomllib and msgspec know where, but speak of types.
+"""Errors in a robot's profile, for its author: line, key, value, and what the value must be.
+
+Pure. tomllib and msgspec know where an error is, but name it by Python types.
 """
 
 import re
@@ -32,9 +33,7 @@ NUMBER = re.compile(r"([+-]?)(\d*)[.,]?(\d*)")
 
 
 def advice(found: Any, wanted: str) -> str:
-    """Return how to write a number that has a comma, quotes or no zero; "" for what is none, or
-    not what is wanted.
-    """
+    """Return how to write a number that has a comma, quotes or no zero, else ""."""
     number = NUMBER.fullmatch(found.strip()) if isinstance(found, str) else None
     if number is None or not (number[2] or number[3]) or "number" not in wanted:
         return ""
@@ -61,13 +60,8 @@ def unreadable(text: str, error: tomllib.TOMLDecodeError) -> str:
 def refused(
     text: str, content: Any, error: msgspec.ValidationError, named: Callable[[str], str] = str
 ) -> str:
-    """Return what the value must be that msgspec refuses.
-
-    Args:
-        text: the file.
-        content: what was converted.
-        error: of the conversion.
-        named: gives the key of the file for a field.
+    """Return what the value must be that msgspec refuses in `content`, converted from `text`;
+    `named` gives the file's key of a field.
     """
     place, lacks = PLACE.search(str(error)), LACKS.search(str(error))
     fields: KeyPath = tuple(

@@ -1,6 +1,4 @@
-"""How far actions are, until the agent has heard it. Nothing grows while nobody listens: of each
-action every status waits once.
-"""
+"""Progress of actions until the agent reads it; bounded: one entry per action and status."""
 
 import asyncio
 
@@ -12,9 +10,7 @@ MOST = 256
 
 
 class ProgressQueue:
-    """In order of arrival; for one loop. When there is more than `MOST`, the oldest that ends no
-    action is forgotten first.
-    """
+    """A FIFO for one loop. Beyond `MOST`, the oldest news that ends no action is dropped first."""
 
     def __init__(self) -> None:
         self._waiting: dict[tuple[str, str], News] = {}
@@ -29,11 +25,7 @@ class ProgressQueue:
         self._came.set()
 
     async def get(self) -> ActionProgress:
-        """Wait for the next news.
-
-        Raises:
-            AdapterError: that is what was put in.
-        """
+        """Wait for the next news; raises an AdapterError that was put in."""
         while not self._waiting:
             self._came.clear()
             await self._came.wait()

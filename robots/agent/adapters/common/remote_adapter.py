@@ -1,10 +1,10 @@
-"""What all adapters of an RCA outside of the agent have in common: everything but its protocol.
+"""The base of adapters for an RCA outside of the agent: everything but its protocol.
 
 A subclass connects (`_open`, `_shut`, `_cut`), sends a velocity (`_drive`), checks that the RCA
 reads what it is sent (`_ask`), and starts and cancels actions (`_order`, `_withdraw`,
-`_cancel_leftovers`, `_turn_head`). What it receives goes into `readings`, the progress of actions
-into `pending_actions`, the loss of the connection into `_lose`. velocity_gate.py decides when a
-velocity may be sent.
+`_cancel_leftovers`, `_turn_head`). It puts received values into `readings`, the progress of
+actions into `pending_actions`, and calls `_lose` when the connection is lost. velocity_gate.py
+decides when a velocity may be sent.
 
 Longer than most files: it is every member of the contract, in its order.
 """
@@ -34,7 +34,7 @@ from robots.agent.adapters.common.robot_profile import (
 )
 from robots.agent.adapters.common.state_builder import Readings
 from robots.agent.adapters.common.velocity_gate import GateParams, VelocityGate
-from robots.agent.ramp import ZERO
+from robots.agent.ramp import ZERO, caps, is_within
 from robots.agent.robot_interface import (
     ActionProgress,
     ActionRefusedError,
@@ -49,16 +49,16 @@ from robots.api import docked
 from robots.api.docked import DockReading, DockState
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Tilt, Undock, Velocity
 from robots.cancellation import cancel
+from robots.logs import reason_of
 
 CONNECT_TIME = 5.0
 FIRST_READING = 5.0
 SILENCE = 1.0
-PERIOD = 0.08  # seconds after which a state is said again when the RCA has nothing new
-GLANCE = 0.05  # seconds between two looks after actions
+PERIOD = 0.08  # seconds after which a state is repeated without news
+GLANCE = 0.05  # seconds between two checks of actions
 CANCEL_AGAIN = 0.5  # seconds between two cancels of an action of which the end is not confirmed
 CANCEL_TIME = 1.0  # seconds for the first cancel of what an earlier connection has left
 BRAKING_TIME = 2.0
-STANDSTILL = 0.01
 GATE = GateParams()
 
 log = structlog.stdlib.get_logger(__name__)
@@ -113,13 +113,24 @@ def profile_of(
         standstill_linear=robot.standstill_linear,
         standstill_angular=robot.standstill_angular,
         navigation_control=control,
+        driver=robot.driver,
     )
 
 
+def check_tilt(profile: Profile, action: Tilt) -> None:
+    """Raise ActionRefusedError when the head cannot tilt, or not so far."""
+    reach = profile.tilt
+    if reach is None:
+        raise ActionRefusedError(f"{profile.series} does not support tilt")
+    if not reach.minimum <= action.angle <= reach.maximum:
+        raise ActionRefusedError(
+            f"the head can tilt from {reach.minimum:g} to {reach.maximum:g} rad, "
+            f"not to {action.angle:g}"
+        )
+
+
 class RemoteAdapter(ABC):
-    """See robot_interface.Adapter. `place` names the RCA and where it is, for sentences; `vital`
-    what it must not stop saying.
-    """
+    """See robot_interface.Adapter. `place` names the RCA in sentences, `vital` its readings."""
 
     place = "the robot control architecture"
     vital = "its readings"
@@ -138,40 +149,28 @@ class RemoteAdapter(ABC):
         self._news = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
 
-    # --- what a subclass says ---------------------------------------------------------------------
+    # --- what a subclass implements ---------------------------------------------------------------
 
     @abstractmethod
     async def _open(self) -> None:
-        """Reach the RCA and begin to listen.
-
-        Raises:
-            AdapterError, OSError, TimeoutError: it cannot be reached.
-        """
+        """Reach the RCA and subscribe; raises AdapterError, OSError or TimeoutError."""
 
     @abstractmethod
     async def _shut(self) -> None:
-        """Let go of the RCA; called also when it was never reached, or lost."""
+        """Disconnect; called also when the RCA was never reached, or is lost."""
 
     @abstractmethod
     def _drive(self, velocity: Velocity) -> None:
-        """Say a velocity, at once.
-
-        Raises:
-            AdapterError: the RCA does not take it.
-        """
+        """Send a velocity, at once; raises AdapterError when the RCA does not take it."""
 
     async def _ask(self) -> None:
-        """Ask the RCA something and wait for its answer: it has read then what it was told before.
-
-        Raises:
-            AdapterError: it is gone.
-        """
+        """Wait until the RCA has read what was sent; raises AdapterError when it is gone."""
 
     def _cut(self) -> None:
-        """Throw away what the lost RCA was told and has not got yet; at once."""
+        """Discard what the lost RCA has not received yet; at once."""
 
     def _unheard(self) -> str:
-        """Return why nobody would hear a velocity, in a sentence, "" while somebody does."""
+        """Return why no velocity would be received, in a sentence, "" while one would."""
         return ""
 
     async def _settle(self) -> None:
@@ -182,7 +181,7 @@ class RemoteAdapter(ABC):
         return f"it is not connected after {self.connect_time or CONNECT_TIME:.0f} s"
 
     def _why_silent(self) -> str:
-        """Return why the RCA says nothing of what is vital, in a sentence, "" when nobody knows."""
+        """Return why `vital` readings are missing, in a sentence, "" when unknown."""
         return ""
 
     async def _order(self, action: Action) -> PendingAction:
@@ -208,12 +207,12 @@ class RemoteAdapter(ABC):
         raise NotImplementedError
 
     async def _cancel_leftovers(self) -> None:
-        """Cancel what an earlier run of the agent has left at the RCA; called after `_open`, before
-        anything else is sent. What is pending of this run is cancelled anyway.
+        """Cancel the actions of an earlier run of the agent; called after `_open`, before anything
+        else is sent. Those of this run are cancelled anyway.
         """
 
     def _look(self, now: float) -> None:
-        """Look after what only time tells; called twenty times a second."""
+        """Check time-outs; called twenty times a second."""
 
     def _turn_head(self, angle: float) -> None:
         """Tilt the head to an angle in radians."""
@@ -221,9 +220,7 @@ class RemoteAdapter(ABC):
     # --- what a subclass uses ---------------------------------------------------------------------
 
     def _heard(self) -> None:
-        """Take that the robot said something of itself: wake whoever waits for states, and tell it
-        what it may be told now.
-        """
+        """Note a reading: wake the reader of `states`, and send what the gate permits now."""
         self._news.set()
         now = time.monotonic()
         self._gate.heard(now)
@@ -244,7 +241,7 @@ class RemoteAdapter(ABC):
         self._drive(ZERO)
 
     def _lose(self, reason: str) -> None:
-        """Say that the RCA is gone, and why; the first reason counts."""
+        """Note that the RCA is lost, and why; the first reason counts."""
         if not self._failure:
             self._failure = reason
             log.warning("rca_lost", extra={"rca": self.profile.rca, "reason": reason})
@@ -252,7 +249,7 @@ class RemoteAdapter(ABC):
         self._news.set()
 
     def _run(self, work: Any) -> None:
-        """Run a coroutine for as long as the connection holds; it says itself when it fails."""
+        """Run a coroutine while connected; its failure ends the connection."""
         task = asyncio.ensure_future(work)
         self._tasks.add(task)
         task.add_done_callback(self._ended)
@@ -260,7 +257,7 @@ class RemoteAdapter(ABC):
     def _ended(self, task: asyncio.Task[None]) -> None:
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None:
-            self._lose(str(error) or type(error).__name__)
+            self._lose(reason_of(error))
 
     def _expect(self, action: Action) -> PendingAction:
         """Return what an action is expected to do, before it is sent."""
@@ -284,12 +281,8 @@ class RemoteAdapter(ABC):
     # --- the contract -----------------------------------------------------------------------------
 
     async def connect(self) -> None:
-        """Reach the RCA, and hear where the robot is.
-
-        Raises:
-            AdapterError: it cannot be reached, or says nothing.
-        """
-        await self._let_go("reconnecting")
+        """Reach the RCA and wait for a reading; raises AdapterError."""
+        await self._disconnect("reconnecting")
         estop = self.readings.estop
         self.readings = Readings(self._battery)
         self.readings.estop = estop  # the last known state counts until it is reported again
@@ -305,12 +298,12 @@ class RemoteAdapter(ABC):
             await self._settle()
             self._run(self._watch())
         except (OSError, TimeoutError) as error:
-            await self._let_go("not connected")
+            await self._disconnect("not connected")
             raise AdapterError(
                 f"{self.place} does not answer: {str(error) or self._why_late()}"
             ) from error
         except AdapterError:
-            await self._let_go("not connected")
+            await self._disconnect("not connected")
             raise
         log.info("rca_connected", extra={"rca": self.profile.rca, "place": self.place})
 
@@ -338,11 +331,7 @@ class RemoteAdapter(ABC):
         """
         if self._failure:
             raise AdapterError(self._failure)
-        limits = self.profile.limits
-        sent = Velocity(
-            linear=min(max(velocity.linear, -limits.reverse), limits.linear),
-            angular=min(max(velocity.angular, -limits.angular), limits.angular),
-        )
+        sent = caps(self.profile.limits, None).clamp(velocity)
         now = time.monotonic()
         if sent == ZERO or self._gate.shut(now) or self._unheard():
             if sent == ZERO or self._gate.moving:
@@ -385,20 +374,13 @@ class RemoteAdapter(ABC):
         except BaseException as error:  # also when the caller has waited long enough
             expected.failure = str(error) or "the robot did not confirm it"
             raise
-        if self.pending_actions.of(action.action_id) is not None:  # it has not ended meanwhile
+        if self.pending_actions.of(action.action_id) is not None:  # it has not ended in between
             pending.failure = expected.failure
             pending.first_cancelled_at = expected.first_cancelled_at
             self.pending_actions.begin(pending)
 
     def _tilt(self, action: Tilt) -> None:
-        reach = self.profile.tilt
-        if reach is None:
-            raise ActionRefusedError(f"{self.profile.series} does not support tilt")
-        if not reach.minimum <= action.angle <= reach.maximum:
-            raise ActionRefusedError(
-                f"the head can tilt from {reach.minimum:g} to {reach.maximum:g} rad, "
-                f"not to {action.angle:g}"
-            )
+        check_tilt(self.profile, action)
         self._turn_head(action.angle)
         now = time.monotonic()
         self.pending_actions.begin(
@@ -444,7 +426,7 @@ class RemoteAdapter(ABC):
                     await self._cancel_again(drive)
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield a state for everything new that the RCA says, and at 12 Hz when it says the same.
+        """Yield a state for each reading, and at 12 Hz without news.
 
         Raises:
             AdapterError: the RCA is gone, or silent for a second.
@@ -494,23 +476,20 @@ class RemoteAdapter(ABC):
             await asyncio.sleep(GLANCE)
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
-        """Yield how far actions are."""
         while True:
             yield await self._progress.get()
 
     def video(self) -> VideoSource | None:
-        """Return no camera: the RCA gives none."""
         return None
 
     def audio(self) -> AudioSource | None:
-        """Return no microphone: the RCA gives none."""
         return None
 
     def configure(self, config: Any) -> None:
         """Ignore a `Config`: nothing in it is the RCA's."""
 
     def sever(self) -> None:
-        """Drop the connection as the death of the agent would (robot_interface.Severable)."""
+        """See robot_interface.Severable."""
         self._lose("the connection was cut on purpose")
         for task in self._tasks:
             task.cancel()
@@ -521,18 +500,17 @@ class RemoteAdapter(ABC):
             await self._cancel_pending()
             with contextlib.suppress(AdapterError, TimeoutError):
                 await self._stand()
-        await self._let_go("closed")
+        await self._disconnect("closed")
 
     async def _stand(self) -> None:
         async with asyncio.timeout(BRAKING_TIME):
             while not self._failure:
                 self._drive(ZERO)
-                velocity = self.readings.velocity
                 await asyncio.sleep(0.05)
-                if abs(velocity.linear) < STANDSTILL and abs(velocity.angular) < STANDSTILL:
+                if is_within(self.readings.velocity, self.profile.standstill):
                     return
 
-    async def _let_go(self, why: str) -> None:
+    async def _disconnect(self, why: str) -> None:
         self._failure = why
         self._news.set()
         await cancel(*self._tasks)

@@ -1,18 +1,17 @@
-"""What is fixed about one real robot, in a TOML file: shipped under a name in profiles/, or
-anywhere as a path that ends in .toml.
+"""A real robot's fixed data, in a TOML file: by its name in profiles/, or by a path with .toml.
 
 series = "giraff"                      how the site calls this kind of robot
+driver = "base 2.4"                    software of the base and its version, kept with study drives
 footprint = [[0.3, -0.2], …]           convex, metres in the robot's frame
 [limits]  [tilt]  [laser]  [camera]  [battery]   as in the factsheet; SI units and radians
 [[sonars]]  bumper = true  [depth]     sensors for obstacles, as in robot_interface.py
-standstill_linear = 0.02               m/s, and standstill_angular rad/s: slower is at rest
+standstill_linear = 0.02               m/s, and standstill_angular rad/s: no faster is at rest
 unguarded_navigation = true            allows navigation that nothing stops when the agent is lost
 [moos]  [ros1]  …                      of one adapter; options of the command line overrule it
 
 Each adapter's table states its `watchdog`, the seconds after which the base stops by itself when
-velocities no longer come: no adapter has a default, and no option overrules it, for it is a
-property of the base. A section or key that nobody reads is an error, case and all: what is written
-there was meant to count.
+velocities no longer come: no adapter has a default, and no option overrules it, because it is a
+property of the base. An unknown section or key is an error, also one in the wrong case.
 """
 
 import difflib
@@ -78,6 +77,7 @@ class RobotProfile(Struct, frozen=True):
     unguarded_navigation: bool = False
     standstill_linear: LinearStandstill = 0.02
     standstill_angular: AngularStandstill = 0.05
+    driver: Name = ""
     adapters: dict[str, dict[str, Any]] = {}
     file: str = ""
 
@@ -101,6 +101,7 @@ UNDELIVERED: dict[ObstacleSensor, str] = {
 SHARED = frozenset(
     {
         "series",
+        "driver",
         "footprint",
         "sonars",
         "bumper",
@@ -114,20 +115,15 @@ SHARED = frozenset(
 
 
 def nearest(word: str, known: Collection[str]) -> str:
-    """Return what to say after a name that nobody knows: the one that was meant, or all of them."""
+    """Return the hint after an unknown name: the similar one, or all of them."""
     close = difflib.get_close_matches(word.lower(), known, 1)
     return f"did you mean {close[0]}?" if close else f"there are {', '.join(sorted(known))}"
 
 
 def load_profile(name: str, folder: Path = SHIPPED) -> RobotProfile:
-    """Return a robot by its shipped name or by the path of its file.
+    """Return a robot by its shipped name, such as `giraff`, or by a path that ends in `.toml`.
 
-    Args:
-        name: such as `giraff`, or a path that ends in `.toml`.
-        folder: where an adapter of another package keeps the profiles that it brings.
-
-    Raises:
-        AdapterError: no such file, or something in it cannot be; one sentence.
+    `folder` is where an adapter of another package keeps its profiles. Raises AdapterError.
     """
     path = Path(name) if name.endswith(".toml") else folder / f"{name}.toml"
     try:
@@ -169,8 +165,7 @@ def settings_of(
     A `watchdog` among them is the profile's own.
 
     Raises:
-        AdapterError: a section or an option that nobody knows, one that is not what it should be,
-            or no watchdog; one sentence.
+        AdapterError: an unknown section or option, a wrong value, or no watchdog; one sentence.
     """
     given = {name.replace("-", "_"): value for name, value in options.items()}
     stated = profile.adapters.get(adapter, {})
@@ -191,9 +186,7 @@ def settings_of(
 
 
 def _wrong_value(kind: type[Struct], error: str, given: Mapping[str, Any]) -> tuple[str, str]:
-    """Return the option that msgspec complains of and what it must be; "" and the complaint when
-    it is none of them.
-    """
+    """Return the option that msgspec refuses and what it must be; "" and the error if none."""
     named = PLACE.search(error)
     for field in msgspec.structs.fields(kind):
         if named is not None and field.name == named[1] and field.name in given:

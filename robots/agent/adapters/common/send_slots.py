@@ -1,8 +1,7 @@
-"""What waits to be said to an RCA over a connection that takes its time: of velocities the newest
-and never an old one.
+"""Messages that wait for a slow connection to an RCA; of velocities only the newest waits.
 
-A command that was held up here may not move the robot later: many RCAs obey whatever arrives,
-whenever it does.
+A velocity that was delayed here must not move the robot later: many RCAs obey a command whenever
+it arrives.
 """
 
 import asyncio
@@ -20,7 +19,7 @@ SlotMessage = TypeVar("SlotMessage")
 
 
 class SendSlots(Generic[SlotMessage]):
-    """Letters in order, and one place for a velocity that a newer one takes over. For one loop."""
+    """Messages in order, and one place for the newest velocity. For one loop."""
 
     def __init__(self) -> None:
         self._messages: deque[SlotMessage] = deque()
@@ -29,22 +28,14 @@ class SendSlots(Generic[SlotMessage]):
         self._wake = asyncio.Event()
 
     def say(self, message: SlotMessage) -> None:
-        """Let a letter wait for its turn.
-
-        Raises:
-            AdapterError: too many do already.
-        """
+        """Queue a message; raises AdapterError when too many wait already."""
         if len(self._messages) >= MAX_MESSAGES:
             raise AdapterError("the robot control architecture does not accept messages")
         self._messages.append(message)
         self._wake.set()
 
     def drive(self, message: SlotMessage) -> None:
-        """Let a velocity wait, instead of the one before.
-
-        Raises:
-            AdapterError: velocities have not been taken for a while.
-        """
+        """Replace the waiting velocity; raises AdapterError when none was taken for a while."""
         now = time.monotonic()
         if self._velocity is None:
             self._waiting_since = now
@@ -57,12 +48,11 @@ class SendSlots(Generic[SlotMessage]):
         return len(self._messages) + (self._velocity is not None)
 
     def clear(self) -> None:
-        """Forget all of it."""
         self._messages.clear()
         self._velocity = None
 
     async def take(self) -> SlotMessage:
-        """Wait for the next letter; velocities go first."""
+        """Wait for the next message; velocities go first."""
         while True:
             if self._velocity is not None:
                 (at, message), self._velocity = self._velocity, None

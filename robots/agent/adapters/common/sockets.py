@@ -1,9 +1,8 @@
-"""A TCP connection that velocities go through: nothing waits in the system that could still move a
-robot.
+"""A TCP connection for velocities: the system buffers nothing that could move a robot later.
 
 Closing such a connection resets it, also when this process is killed: what the peer has not
-acknowledged by then is thrown away instead of sent when the network is back. Whoever leaves in
-order waits for an answer to its last word before.
+acknowledged is discarded instead of sent when the network is back. An orderly close therefore
+waits for an answer to its last message.
 """
 
 import socket
@@ -11,13 +10,13 @@ import struct
 import sys
 from asyncio.trsock import TransportSocket
 
-UNACKNOWLEDGED = 1000  # milliseconds after which the system gives up what nobody acknowledges
+UNACKNOWLEDGED = 1000  # milliseconds after which the system drops unacknowledged data
 SENDING = 16 << 10  # bytes
 RESETTING = struct.pack("hh" if sys.platform == "win32" else "ii", 1, 0)  # struct linger: on, 0 s
 
 
 def make_prompt(connection: "socket.socket | TransportSocket") -> None:
-    """Set a connection up so; what a system does not have is left out."""
+    """Set these options; what a system does not have is left out."""
     for level, option, value in options():
         connection.setsockopt(level, option, value)
 

@@ -1,5 +1,4 @@
-"""From what an RCA says, piece by piece and at its own pace, to one `RcaState`. Pure: times are
-given.
+"""Builds one `RcaState` from an RCA's readings, which arrive one by one. Pure: times are given.
 
 Where the RCA localizes itself now and then (amcl only while the robot moves) and counts its wheels
 always, the pose is carried on by the odometry: at the moment of a fix, map_from_odometry = fix *
@@ -26,15 +25,13 @@ from robots.api.messages import Battery, Pose, Scan, Velocity
 
 REMEMBERED = 200  # odometries: some seconds
 WINDOW = 0.3  # seconds over which poses become a velocity
-FASTEST, FASTEST_TURN = 3.0, 6.0  # m/s and rad/s: what is faster is a new fix, not a motion
+FASTEST, FASTEST_TURN = 3.0, 6.0  # m/s and rad/s: faster is a new fix, not a motion
 CLOCK_SKEW = 0.5  # seconds by which a stamp may differ from its arrival and still be believed
 TICK = 1e-4  # seconds: stamps grow, whatever clocks do
 
 
 def stamp_of(said: float, arrived: float) -> float:
-    """Return when something was measured: as the RCA says when its clock agrees with ours, when it
-    arrived otherwise.
-    """
+    """Return the RCA's stamp where its clock agrees with ours, else the time of arrival."""
     return said if abs(said - arrived) < CLOCK_SKEW else arrived
 
 
@@ -69,9 +66,7 @@ class Readings:
         self._said = self._stamp = 0.0
 
     def moved(self, odometry: Pose2D, velocity: Velocity | None, stamp: float, now: float) -> None:
-        """Take dead reckoning, in a frame that begins anywhere; `velocity` is None when the RCA
-        does not measure it.
-        """
+        """Take dead reckoning in any frame; `velocity` is None where the RCA measures none."""
         self._advance(odometry, stamp)
         self.odometry, self._velocity = odometry, velocity
         self._heard(stamp, now)
@@ -93,11 +88,12 @@ class Readings:
         self._fix = msgspec.structs.replace(NOWHERE, localized=True, score=score)
 
     def lost(self, now: float) -> None:
-        """Take that the RCA does not know where it is."""
+        """Note that the RCA has lost its pose."""
         self._fix, self._map_from_odometry, self.fixed_at = NOWHERE, None, now
+        if self.odometry is None:
+            self._track.clear()  # the poses before say nothing of how the robot moves now
 
     def scanned(self, scan: Scan) -> None:
-        """Take a sweep of the laser."""
         self._scan = scan
 
     def charged(
@@ -107,9 +103,7 @@ class Readings:
         charge: float | None = None,
         charging: bool | None = None,
     ) -> None:
-        """Take the battery, which is charged in the dock and nowhere else; a charge that is not
-        said follows from the volts, if it can.
-        """
+        """Take the battery, which charges only in the dock; without `charge`, volts decide."""
         if charge is None and voltage is not None and self._range is not None:
             charge = self._range.charge(voltage)
         known = None if charge is None or not math.isfinite(charge) else min(1.0, max(0.0, charge))
@@ -117,20 +111,15 @@ class Readings:
         self.charger_contact = charging is True
 
     def bumped(self, *, touching: bool, bearings: tuple[float, ...] | None = None) -> None:
-        """Take the bumpers: a contact begins when one is pressed; `bearings` are where, in radians
-        in the robot's frame, None if unknown.
-        """
+        """Take the bumpers; `bearings` in radians in the robot's frame, None if unknown."""
         self._contacts += touching and not self._touching
         self._touching, self._bumper = touching, bearings
 
     def echoed(self, sonar: int, distance: float | None, stamp: float) -> None:
-        """Take what one of the profile's sonars has measured: metres, None where
-        nothing came back.
-        """
+        """Take a measurement of a sonar of the profile: metres, None where nothing came back."""
         self._sonar.append(SonarEcho(sonar, stamp, distance))
 
     def saw(self, points: ObstaclePoints) -> None:
-        """Take what a depth camera sees of obstacles."""
         self._points = points
 
     @property
@@ -146,13 +135,16 @@ class Readings:
         x, y, theta = self._map_from_odometry.compose(self.odometry)
         return msgspec.structs.replace(self._fix, x=x, y=y, theta=theta)
 
+    @property
+    def _measures_nothing(self) -> bool:
+        """Without odometry or a pose the robot counts as at rest; else it could not be driven."""
+        return self.odometry is None and not self._fix.localized
+
     def state(self, unix: float) -> RcaState:
-        """Return all of it; what obstacles were seen is told once. Stamps grow: what only repeats
-        what was known is stamped `unix`, now.
-        """
-        stamp = self._said if self.fresh else unix
+        """Return all of it; obstacles once only. Stamps grow; a repeated state has `unix`."""
+        is_measured, self.fresh = self.fresh, False
+        stamp = self._said if is_measured else unix
         self._stamp = max(stamp, self._stamp + TICK)
-        self.fresh = False
         scan, self._scan = self._scan, None
         points, self._points = self._points, None
         sonar = tuple(self._sonar)
@@ -173,6 +165,7 @@ class Readings:
             sonar=sonar,
             bumper=self._bumper,
             points=points,
+            is_measured=is_measured or self._measures_nothing,
         )
 
     def _heard(self, stamp: float, now: float) -> None:

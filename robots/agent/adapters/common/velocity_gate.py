@@ -1,19 +1,19 @@
-"""Whether a robot may be told to move now. Pure: times are given.
+"""Whether a velocity may be sent to a robot now. Pure: times are given.
 
 A velocity that has left this computer cannot be taken back. The system's socket buffers, here and
 at the peer, keep what a peer that hangs does not read, hand it over when the peer goes on, and on
 Linux even a reset leaves the peer what has arrived already. Many robots obey whatever arrives,
 however late it does. So nothing that moves is sent to a peer that may not read it:
 
-- It is asked first ("are you there?", in the words of each protocol), and the velocity is the reply
-  to its answer. At most one question is open. A peer that hangs leaves its question unanswered, and
+- The peer is asked first ("are you there?", in each protocol's terms), and the velocity follows
+  its answer. At most one question is open. A peer that hangs leaves its question unanswered, and
   finds that and a zero in its buffer when it goes on.
-- The robot behind the peer has to be heard, too: of what it says of itself, each reading permits a
-  few velocities, and an old reading none. An unchanged velocity waits for a new reading.
+- The robot behind the peer must report, too: each of its readings permits a few velocities, and an
+  old reading none. An unchanged velocity waits for a new reading.
 - A zero is sent at once, whatever happens, and so is the zero that follows when the gate shuts.
 
-What is left: a peer that hangs between its answer and the velocity, a fraction of a millisecond on
-one computer, gets that one velocity late, and the zero behind it at once.
+One case remains: a peer that hangs between its answer and the velocity, a fraction of a millisecond
+on one computer, gets that velocity late, and the zero behind it at once.
 """
 
 import math
@@ -31,7 +31,7 @@ class GateParams:
     oldest: float = 0.25  # that a velocity may wait for an answer
     repeat: float = 0.08  # after which an unchanged velocity is due again, upon the next reading
     at_latest: float = 0.25  # after which it is due without one
-    freshest: float = 0.4  # that a reading counts, or twice what is usual between two of them
+    freshest: float = 0.4  # that a reading counts, or twice the usual period
     longest: float = 1.0  # that a reading counts in any case
     orders: int = 3  # velocities that move, for each reading
 
@@ -56,25 +56,22 @@ class VelocityGate:
 
     @property
     def sent(self) -> Velocity:
-        """Return the velocity that was last really sent."""
         return self._sent
 
     @property
     def moving(self) -> bool:
-        """Whether the robot was told to move last."""
         return self._sent != ZERO
 
     def heard(self, now: float) -> None:
-        """Take that the robot said something of itself."""
+        """Note a reading of the robot."""
         self._usual += 0.2 * (now - self._last_received_at - self._usual)
         self._last_received_at, self._left = now, self._params.orders
 
     def want(self, velocity: Velocity, now: float) -> None:
-        """Take a velocity that moves, instead of the one before."""
         self._wanted = velocity, now
 
     def stood(self, now: float) -> None:
-        """Take that the robot is told to stand, now."""
+        """Note that a zero was sent."""
         self._wanted, self._sent, self._sent_at = None, ZERO, now
 
     def ask(self, now: float) -> bool:
@@ -104,7 +101,6 @@ class VelocityGate:
         return ""
 
     def unanswered(self, now: float) -> float:
-        """Return for how long the peer owes an answer."""
         return 0.0 if self._asked_at is None else now - self._asked_at
 
     def _due(self, now: float) -> bool:

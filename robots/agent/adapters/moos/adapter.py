@@ -33,22 +33,20 @@ import itertools
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Annotated, Any
 
 import structlog
-from msgspec import Meta, Struct
+from msgspec import Meta
 
-from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.common.pending_actions import Kind, PendingAction
-from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
 from robots.agent.adapters.moos.client import MoosClient
+from robots.agent.adapters.moos.openmora_adapter import OpenMoraAdapter, OpenMoraOptions, is_plan
 from robots.agent.adapters.moos.wire import Mail
 from robots.agent.ramp import ZERO
-from robots.agent.robot_interface import ActionRefusedError, AdapterError
+from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Undock, Velocity
 
 OWN: tuple[Capability, ...] = ("localization", "goto", "dock", "undock", "relocalize", "tilt")
@@ -76,27 +74,12 @@ ASKING = 0.3  # seconds between two questions for the head's angle while it turn
 log = structlog.stdlib.get_logger(__name__)
 
 
-class MoosOptions(Struct, frozen=True, kw_only=True):
-    """Where the MOOSDB is, and our name there; `tilt_sign` -1 where the head counts upwards,
-    `nodes` places by name, by comma.
-
-    `client_ack_interval` is the `max_client_ack_interval` of the robot's RobotControlManager in
-    seconds, 0 where its `use_client_alive_ack` is off.
-
-    To relocalize, the robot searches a square that reaches `relocalize_half_width` metres to each
-    side, with so many `relocalize_particles`. The first should be the robot's own X_MIN … Y_MAX,
-    the second is what OpenMORA uses when lost.
-    """
+class MoosOptions(OpenMoraOptions, frozen=True, kw_only=True):
+    """Where the MOOSDB is, and our name there."""
 
     host: str = "127.0.0.1"
     port: Annotated[int, Meta(ge=1, le=65535)] = 9000
     name: str = "telepresence"
-    watchdog: float
-    client_ack_interval: float = 0.0
-    tilt_sign: float = 1.0
-    nodes: str = ""
-    relocalize_half_width: float = 1.0
-    relocalize_particles: int = 20000
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> "MoosAdapter":
@@ -109,34 +92,20 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "MoosAdapter":
     return MoosAdapter(robot, settings_of(MoosOptions, "moos", robot, options))
 
 
-class MoosAdapter(RemoteAdapter):
+class MoosAdapter(OpenMoraAdapter):
     """See robot_interface.Adapter."""
 
     vital = "LOCALIZATION"
+    _options: MoosOptions
 
     def __init__(self, robot: RobotProfile, options: MoosOptions) -> None:
-        super().__init__(
-            profile_of(
-                robot,
-                "MOOS (OpenMORA)",
-                options.watchdog,
-                own=OWN,
-                control=openmora.control_of(options.client_ack_interval),
-                advice=openmora.advice("moos"),
-            ),
-            robot.battery,
-        )
-        # The middleman answers for a robot that hangs behind it, and would keep more for it.
-        self.gate_params = replace(remote_adapter.GATE, orders=1)
+        super().__init__(robot, options, "moos", "MOOS (OpenMORA)", OWN)
         self.place = f"the MOOSDB at {options.host}:{options.port}"
-        self._robot, self._options = robot, options
         self._client: MoosClient | None = None
-        self._nodes = openmora.listed_nodes(options.nodes)
-        self._connected_at = self._error_at = self._asked_at = 0.0
-        self._manual_at = self._cancelled_at = -math.inf  # monotonic
+        self._connected_at = self._asked_at = 0.0
+        self._manual_at = -math.inf  # monotonic
         self._arrived = ""  # the action that has reached its goal
         self._controller = ""  # the name of the RobotControlManager in this mission
-        self._place = ""
         self._voltage: float | None = None
         self._charging: bool | None = None
 
@@ -198,7 +167,7 @@ class MoosAdapter(RemoteAdapter):
             case "LOCALIZATION", str(text):
                 self._locate(text, mail.time)
             case "ERROR_MSG", str(text):
-                self.readings.errors, self._error_at = (text,), time.monotonic()
+                self._report_error(text)
             case (("NAV_EVENT_START" | "NAV_EVENT_END" | "NAV_EVENT_ERROR" | "NAV_EVENT_NOWAY"), _):
                 self._navigated(mail.key.rpartition("_")[2])
             case "PLAN_FINISHED", str(text):
@@ -229,7 +198,7 @@ class MoosAdapter(RemoteAdapter):
         pending = self.pending_actions.drive
         if pending is None:
             return
-        by_plan = pending.kind != "goto" or bool(pending.place)
+        by_plan = is_plan(pending)
         match event:
             case "START":
                 pending.seen_running = True
@@ -258,8 +227,7 @@ class MoosAdapter(RemoteAdapter):
                 self._cancel_navigation()
 
     def _look(self, now: float) -> None:
-        if self.readings.errors and now - self._error_at > openmora.ERROR_SHOWN:
-            self.readings.errors = ()
+        super()._look(now)
         if self.pending_actions.head is not None and now - self._asked_at > ASKING:
             self._ask_for_angle(now)
         self._watch_journey(now)
@@ -279,24 +247,13 @@ class MoosAdapter(RemoteAdapter):
             pending.failure = "the robot does not start moving"
 
     def _finish(self, pending: PendingAction, now: float) -> None:
-        """Cancel a navigator that would set out again if the robot were moved; its end counts when
-        that is confirmed.
-        """
+        """Cancel a navigator that would set out again; its confirmed end finishes the action."""
         self._arrived = pending.action_id
         if pending.first_cancelled_at is None:
             pending.first_cancelled_at = now
         self._cancel_navigation()
         if self._has_ended(pending):
             self.pending_actions.end(pending.action_id, "FINISHED")
-
-    def _is_there(self, pending: PendingAction) -> bool:
-        if pending.goal is None:
-            return self._place == pending.place
-        pose = self.readings.pose
-        return (
-            pose.localized
-            and math.hypot(pose.x - pending.goal[0], pose.y - pending.goal[1]) < openmora.ARRIVED
-        )
 
     # --- what it sends ----------------------------------------------------------------------------
 
@@ -305,79 +262,47 @@ class MoosAdapter(RemoteAdapter):
             raise AdapterError(f"{self.place} is not connected")
         self._client.notify(key, value)
 
-    def _drive(self, velocity: Velocity) -> None:
-        now = time.monotonic()
-        if velocity != ZERO or not openmora.is_cancelling(self.pending_actions):
-            self._notify("MOTION_REQUEST", openmora.motion(velocity))
-        elif now - self._cancelled_at > openmora.CANCEL_AGAIN:
-            # it sets the autonomous mode, which the cancel behind it ends
-            self._notify("MOTION_REQUEST", openmora.motion(ZERO))
-            self._cancel_navigation()
+    def _send_motion(self, velocity: Velocity) -> None:
+        self._notify("MOTION_REQUEST", openmora.motion(velocity))
 
     def _turn_head(self, angle: float) -> None:
-        self._notify(
-            "TILT_SET_ANGLE_FROM_HOME",
-            openmora.head_degrees(angle, self._robot, self._options.tilt_sign),
-        )
+        self._notify("TILT_SET_ANGLE_FROM_HOME", self._head_degrees(angle))
 
     def _ask_for_angle(self, now: float) -> None:
         if self.profile.tilt is not None:
             self._asked_at = now
             self._notify("TILT_GET_ANGLE_FROM_HOME", 1.0)
 
-    async def _order(self, action: Action) -> PendingAction:
+    async def _send_action(self, action: Action) -> None:
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
                 self._notify("NAVIGATE_TARGET", openmora.point(x, y))
-            case Goto(place=str(place)) if place in self._nodes:
+            case Goto(place=str(place)):
                 self._notify("GO_TO_NODE", place)
-            case Goto(place=place):
-                raise ActionRefusedError(
-                    f"this robot does not know the place {place!r}; it knows "
-                    f"{', '.join(sorted(self._nodes)) or 'none by name'}"
-                )
             case Dock():
                 self._notify("GO_TO_RECHARGE", 1.0)
             case Undock():
                 self._drive(ZERO)
                 self._notify("NEW_TASK", "ROBOT_CONTROLLER 1 UNDOCK")
             case Relocalize(x=x, y=y) if x is not None and y is not None:
-                options = self._options
-                self._notify(
-                    "RELOCALIZE_IN_AREA",
-                    openmora.area(
-                        x, y, options.relocalize_half_width, options.relocalize_particles
-                    ),
-                )
-                return openmora.search(
-                    action.action_id, x, y, options.relocalize_half_width, time.monotonic()
-                )
-            case _:
-                raise ActionRefusedError("this robot needs to be given its position: x and y")
-        return self._pending(action)
+                self._notify("RELOCALIZE_IN_AREA", self._area(x, y))
 
     async def _withdraw(self, pending: PendingAction) -> bool:
         self._cancel_navigation()
         return self._has_ended(pending)
 
     def _has_ended(self, pending: PendingAction) -> bool:
-        """Whether the RobotControlManager has obeyed a cancel of this action, and its plan, if it
-        is one, is over.
-        """
-        is_plan = pending.kind != "goto" or bool(pending.place)
+        """Whether the RobotControlManager has obeyed the cancel and the plan, if any, is over."""
         return (
             pending.first_cancelled_at is not None
             and self._manual_at > pending.first_cancelled_at
-            and (not is_plan or pending.over_at < math.inf)
+            and (not is_plan(pending) or pending.over_at < math.inf)
         )
 
-    def _cancel_navigation(self) -> None:
-        now = time.monotonic()
-        if now - self._cancelled_at > openmora.CANCEL_AGAIN:
-            self._cancelled_at = now
-            self._notify("CANCEL_NAVIGATION", "telepresence")
-            self._notify("PARKING", 0.0)
-            self._notify("PNAVIGATORREACTIVEPTG_CMD", "CANCEL")
+    def _send_cancel(self) -> None:
+        self._notify("CANCEL_NAVIGATION", "telepresence")
+        self._notify("PARKING", 0.0)
+        self._notify("PNAVIGATORREACTIVEPTG_CMD", "CANCEL")
 
 
 def _is_set(value: float | str | bytes) -> bool:

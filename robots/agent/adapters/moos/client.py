@@ -1,6 +1,4 @@
-"""A client of a MOOSDB: variables said and heard over one connection, which the database ends after
-five seconds of silence.
-"""
+"""A client of a MOOSDB, which ends a connection after five seconds of silence."""
 
 import asyncio
 import contextlib
@@ -13,6 +11,7 @@ from robots.agent.adapters.common.sockets import make_prompt
 from robots.agent.adapters.moos import wire
 from robots.agent.adapters.moos.wire import Mail, Value
 from robots.agent.robot_interface import AdapterError
+from robots.logs import reason_of
 
 GREETING_TIME = 3.0
 BEAT = 1.0
@@ -21,12 +20,8 @@ BACKLOG = 64 << 10  # bytes that may wait to be sent before the database counts 
 
 
 class MoosClient:
-    """One connection. `heard` gets every variable as it comes, `lost` why the connection ended;
-    both on the loop.
-
-    Args:
-        name: who we are to the database; it knows each name once.
-        host, port: where the database is.
+    """One connection under a `name` unique at the database. `heard` gets every variable that
+    arrives, `lost` why the connection ended; both on the loop.
     """
 
     def __init__(
@@ -50,7 +45,7 @@ class MoosClient:
 
         Raises:
             AdapterError: it refuses, or is something else.
-            OSError, TimeoutError: nobody is there.
+            OSError, TimeoutError: there is no answer.
         """
         async with asyncio.timeout(GREETING_TIME):
             reader, self._writer = await asyncio.open_connection(self._host, self._port)
@@ -70,8 +65,7 @@ class MoosClient:
             answer = (await _packet(reader))[0]
         except (wire.MoosWireError, IndexError, asyncio.IncompleteReadError) as error:
             raise AdapterError(
-                f"no compatible MOOSDB at {self._host}:{self._port}: "
-                f"{str(error) or type(error).__name__}"
+                f"no compatible MOOSDB at {self._host}:{self._port}: {reason_of(error)}"
             ) from error
         if answer.type == wire.POISON:
             raise AdapterError(f"the MOOSDB refused the connection: {answer.text}")
@@ -84,21 +78,17 @@ class MoosClient:
         return answer.community
 
     def notify(self, key: str, value: Value) -> None:
-        """Say a variable.
-
-        Raises:
-            AdapterError: the database is gone, or does not read.
-        """
+        """Send a variable; raises AdapterError when the database is gone, or does not read."""
         self._send(Mail(wire.NOTIFY, key, value, time.time(), self.name, number=next(self._ids)))
 
     def register(self, key: str, interval: float = 0.0) -> None:
-        """Hear a variable, at most every `interval` seconds; its last value comes at once."""
+        """Subscribe to a variable, at most every `interval` seconds; its last value comes first."""
         self._send(
             Mail(wire.REGISTER, key, interval, time.time(), self.name, number=next(self._ids))
         )
 
     async def ask(self) -> None:
-        """Wait until the database has read what it was told so far.
+        """Wait until the database has read what was sent so far.
 
         It answers a message of timing that leads a packet, behind all packets of before
         (ThreadedCommServer::ProcessClient).
@@ -112,12 +102,12 @@ class MoosClient:
         await answer
 
     def abort(self) -> None:
-        """Leave at once; what the database has not got yet it never gets."""
+        """Disconnect at once, discarding what was not received yet."""
         if self._writer is not None:
             self._writer.transport.abort()
 
     async def close(self) -> None:
-        """Leave, after the database has read the last word."""
+        """Disconnect, after the database has read the last message."""
         if self._writer is not None and not self._writer.transport.is_closing():
             with contextlib.suppress(AdapterError, TimeoutError):
                 async with asyncio.timeout(PARTING):
@@ -145,10 +135,10 @@ class MoosClient:
         writer.write(wire.pack([mail]))
 
     async def _beat(self) -> None:
-        """Speak before the silence is too long."""
-        with contextlib.suppress(AdapterError):  # who reads says that it is gone
+        """Send before the silence is too long."""
+        with contextlib.suppress(AdapterError):  # the reader reports that it is lost
             while True:
-                # nobody waits for it
+                # its answer is not awaited
                 self._asking.append(asyncio.get_running_loop().create_future())
                 self._say_time()
                 await asyncio.sleep(BEAT)
@@ -173,7 +163,7 @@ class MoosClient:
                     elif mail.type == wire.TIMING and self._asking:
                         self._answer()
         except (OSError, asyncio.IncompleteReadError, wire.MoosWireError) as error:
-            self._lost(f"the MOOSDB is gone: {str(error) or type(error).__name__}")
+            self._lost(f"the MOOSDB is gone: {reason_of(error)}")
 
 
 async def _packet(reader: asyncio.StreamReader) -> list[Mail]:

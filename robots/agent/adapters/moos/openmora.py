@@ -8,67 +8,26 @@ the profile's `tilt.home`.
 import math
 from dataclasses import dataclass
 
-from robots.agent.adapters.common.pending_actions import (
-    LONGEST_RELOCALIZATION,
-    ExpectedArea,
-    PendingAction,
-    PendingActions,
-)
 from robots.agent.adapters.common.robot_profile import RobotProfile
-from robots.agent.robot_interface import NavigationControl
 from robots.api.geometry import wrap_angle
 from robots.api.messages import Pose, Scan, Velocity
 
 EPOCH = 11_644_473_600.0  # seconds from 1601-01-01 to 1970-01-01: MRPT counts from there
 MOST_RANGES = 2000
-# seconds in which the particle filter has taken note of an area: it thinks once for ten scans while
-# the robot stands
-FILTERING = 1.0
 LONGEST_STAMP = 20  # digits
 UNKNOWN = "NULL"
 MANUAL = 0.0  # of ROBOT_CONTROL_MODE
 ACK_PERIOD = 0.1  # seconds
-SLOWEST_GUARD = 2.0  # seconds, as for a watchdog
-CANCEL_AGAIN = 0.1  # seconds between two cancels, at least
 SETTING_OUT = 5.0  # seconds in which a journey begins
-ARRIVED = 0.6  # metres from its goal at which a journey may end: OpenMORA's navigators allow 0.5
-ERROR_SHOWN = 10.0  # seconds
 
 
 class DialectError(ValueError):
-    """The robot said something that these words do not have."""
-
-
-def listed_nodes(text: str) -> frozenset[str]:
-    """Return the names of places that an option lists by comma."""
-    return frozenset(name.strip() for name in text.split(",") if name.strip())
-
-
-def control_of(client_ack_interval: float) -> NavigationControl:
-    """Return what ends OpenMORA's navigation when the agent is lost: its RobotControlManager, if
-    that expects an acknowledgement of ours at least so often, in seconds.
-    """
-    return "guarded" if 0.0 < client_ack_interval <= SLOWEST_GUARD else "unguarded"
-
-
-def advice(adapter: str) -> str:
-    """Return what the owner of a robot without this guard can do."""
-    return (
-        "set use_client_alive_ack = true and max_client_ack_interval = 0.5 for RobotControlManager"
-        f" in the mission file, and client_ack_interval = 0.5 in [{adapter}] of the profile"
-    )
-
-
-def is_cancelling(actions: PendingActions) -> bool:
-    """Whether the end of an action that moves the base was requested and is not confirmed."""
-    return actions.drive is not None and actions.drive.first_cancelled_at is not None
+    """A value of the robot that is not in this dialect."""
 
 
 @dataclass(frozen=True)
 class OpenMoraStatus:
-    """The variable `Status`, ten times a second. `pose`, `voltage` and `charging` are None, and
-    names empty, when the robot does not know.
-    """
+    """The variable `Status`, at 10 Hz; None, or an empty name, where the robot does not know."""
 
     pose: Pose | None
     place: str
@@ -89,11 +48,7 @@ def milliseconds(unix: float) -> int:
 
 
 def unstamped(payload: bytes) -> tuple[str, float]:
-    """Return a payload without its time, and that in Unix seconds.
-
-    Raises:
-        DialectError: there is none in front.
-    """
+    """Return a payload without its time, and that in Unix seconds; raises DialectError."""
     stamp, bar, text = payload.decode("utf-8", "replace").partition("|")
     if not bar or not stamp.strip().isdecimal() or len(stamp) > LONGEST_STAMP:
         raise DialectError("payload without a timestamp")
@@ -106,7 +61,6 @@ def motion(velocity: Velocity) -> str:
 
 
 def point(x: float, y: float) -> str:
-    """Return `[x y]` in metres."""
     return f"[{x:.3f} {y:.3f}]"
 
 
@@ -124,22 +78,8 @@ def area(x: float, y: float, half_width: float, particles: int) -> str:
     )
 
 
-def search(action_id: str, x: float, y: float, half_width: float, now: float) -> PendingAction:
-    """Return what to wait for after a robot was told its `area`: that it says to be in it. A
-    heading cannot be told.
-    """
-    place = ExpectedArea(x, y, half_width, settles=FILTERING)
-    return PendingAction(
-        action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=place
-    )
-
-
 def pose_of(text: str) -> Pose | None:
-    """Read `[x y phi]`, brackets and a suffix `deg` or not; None for what is unknown.
-
-    Raises:
-        DialectError: it is none.
-    """
+    """Read `[x y phi]`, also without brackets or with `deg`; None if unknown, or DialectError."""
     if text.strip() in {"", UNKNOWN}:
         return None
     parts = text.strip().strip("[]").replace("deg", "").split()
@@ -164,7 +104,7 @@ def status_of(text: str) -> OpenMoraStatus:
         raise DialectError(f"status with only {len(fields)} fields")
     pose, place, destination, mode, volts, charging = fields[:6]
     try:
-        # 0.00 is a variable that nobody has said yet
+        # 0.00 is a variable without a value yet
         voltage = None if volts in {"", UNKNOWN} else float(volts) or None
     except ValueError as error:
         raise DialectError(f"invalid voltage: {volts[:20]!r}") from error
@@ -203,9 +143,7 @@ def scan_of(text: str, stamp: float, farthest: float) -> Scan:
 
 
 def nodes_of(text: str) -> frozenset[str]:
-    """Return the labels of the places in a topology: those words of it that stand before a type and
-    two numbers.
-    """
+    """Return the labels of a topology: the words in front of a type and two numbers."""
     words = (
         text.replace("#", " ")
         .replace(";", " ")
@@ -222,9 +160,7 @@ def nodes_of(text: str) -> frozenset[str]:
 
 
 def head_degrees(angle: float, robot: RobotProfile, sign: float) -> float:
-    """Return our tilt in radians as degrees from the head's home; `sign` is -1 where the robot
-    counts upwards.
-    """
+    """Return radians as degrees from the head's home; `sign` is -1 where it counts upwards."""
     return sign * math.degrees(angle - (robot.tilt.home if robot.tilt else 0.0))
 
 

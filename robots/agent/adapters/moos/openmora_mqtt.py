@@ -30,24 +30,21 @@ import contextlib
 import math
 import time
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from aiomqtt import Client, MqttError, Will
-from msgspec import Struct
 
-from robots.agent.adapters.common import remote_adapter
 from robots.agent.adapters.common.pending_actions import PendingAction
-from robots.agent.adapters.common.remote_adapter import RemoteAdapter, profile_of
 from robots.agent.adapters.common.robot_profile import RobotProfile, load_profile, settings_of
 from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import options as socket_options
 from robots.agent.adapters.common.state_builder import stamp_of
 from robots.agent.adapters.moos import openmora
+from robots.agent.adapters.moos.openmora_adapter import OpenMoraAdapter, OpenMoraOptions, is_plan
 from robots.agent.broker_link.mqtt import Endpoint, subscribe
-from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import Action, Capability, Dock, Goto, Relocalize, Velocity
+from robots.logs import reason_of
 
 OWN: tuple[Capability, ...] = ("localization", "scan", "goto", "dock", "relocalize", "tilt")
 HEARD = ("Status", "LaserScan", "Topology", "ErrorMsg", "RobotACK")
@@ -65,13 +62,10 @@ LANDING = 5.0  # seconds in which a robot that ended its docking reports that it
 GIVEN_UP = 20.0  # seconds after which one that is not has given up
 
 
-class OpenMoraMqttOptions(Struct, frozen=True, kw_only=True):
-    """`broker` is the robot's own broker, `robot` the first part of its topics.
-
-    `user` is the driver in the robot's session log (empty: no log); `range_max` in metres,
-    `tilt_sign` -1 where the head counts upwards; `nodes` are the places that it knows by name,
-    besides those of its topology, by comma; `client_ack_interval` and `relocalize_…` as in
-    MoosOptions.
+class OpenMoraMqttOptions(OpenMoraOptions, frozen=True, kw_only=True):
+    """`broker` is the robot's own broker, `robot` the first part of its topics; `user` is the
+    driver in the robot's session log (empty: no log), `range_max` in metres. `nodes` are the places
+    besides those of its topology.
     """
 
     broker: str = "mqtt://127.0.0.1:1883"
@@ -79,13 +73,7 @@ class OpenMoraMqttOptions(Struct, frozen=True, kw_only=True):
     username: str = ""
     password: str = ""
     user: str = "telepresence"
-    watchdog: float
-    client_ack_interval: float = 0.0
     range_max: float = 30.0
-    tilt_sign: float = 1.0
-    nodes: str = ""
-    relocalize_half_width: float = 1.0
-    relocalize_particles: int = 20000
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapter":
@@ -105,37 +93,25 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "OpenMoraMqttAdapte
     return OpenMoraMqttAdapter(robot, settings, endpoint)
 
 
-class OpenMoraMqttAdapter(RemoteAdapter):
+class OpenMoraMqttAdapter(OpenMoraAdapter):
     """See robot_interface.Adapter."""
 
     vital = "its Status"
+    _options: OpenMoraMqttOptions
 
     def __init__(
         self, robot: RobotProfile, options: OpenMoraMqttOptions, endpoint: Endpoint
     ) -> None:
-        super().__init__(
-            profile_of(
-                robot,
-                "OpenMORA over MQTT",
-                options.watchdog,
-                own=OWN,
-                control=openmora.control_of(options.client_ack_interval),
-                advice=openmora.advice("openmora_mqtt"),
-            ),
-            robot.battery,
-        )
-        # The middleman answers for a robot that hangs behind it, and would keep more for it.
-        self.gate_params = replace(remote_adapter.GATE, orders=1)
+        super().__init__(robot, options, "openmora_mqtt", "OpenMORA over MQTT", OWN)
         self.place = f"{options.robot} at {options.broker}"
-        self._robot, self._options, self._endpoint = robot, options, endpoint
+        self.name = options.robot
+        self._endpoint = endpoint
         self._outgoing: SendSlots[tuple[str, str]] = SendSlots()
-        self._moved_at = self._error_at = 0.0
-        self._cancelled_at = -math.inf  # monotonic
+        self._moved_at = 0.0
         # counts of ClientACK: the last one sent, read by the robot, sent before the first cancel
         self._acks = int(time.time()) % (1 << 31)  # the robot may repeat one of an earlier run
         self._acked = self._acks_before = 0
         self._mode: tuple[bool, float] = (True, -math.inf)  # whether it is autonomous, since when
-        self._nodes = openmora.listed_nodes(options.nodes)
         self._stood_at, self._stood_since = (math.inf, math.inf), 0.0
         self._robot_ack = "0 0"
         self._head = _Head(robot)
@@ -166,7 +142,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                     tasks.create_task(self._acknowledge())
         except* MqttError as errors:
             error = errors.exceptions[0]
-            reason = f"{self.place}: {str(error) or type(error).__name__}"
+            reason = f"{self.place}: {reason_of(error)}"
             if ready.done():
                 self._lose(reason)
             else:
@@ -203,14 +179,14 @@ class OpenMoraMqttAdapter(RemoteAdapter):
                 timeout=math.inf,
             )
         except MqttError as error:
-            raise AdapterError(f"{self.place}: {str(error) or type(error).__name__}") from error
+            raise AdapterError(f"{self.place}: {reason_of(error)}") from error
 
     async def _shut(self) -> None:
         self._broker = None
         self._outgoing.clear()
 
     async def close(self) -> None:
-        """Brake, end the session of the robot's logger, and let go."""
+        """Brake, end the session of the robot's logger, and disconnect."""
         if not self._failure:
             self._say_session("Stop")
         await super().close()
@@ -261,7 +237,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             case "Topology":
                 self._nodes |= openmora.nodes_of(text)
             case "ErrorMsg":
-                self.readings.errors, self._error_at = (text,), time.monotonic()
+                self._report_error(text)
             case "RobotACK":
                 ours, _, robot = text.partition("|")
                 self._robot_ack = robot.partition("|")[0] or "0 0"
@@ -270,6 +246,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
 
     def _take_status(self, status: openmora.OpenMoraStatus, stamp: float) -> None:
         now = time.monotonic()
+        self._place = status.place
         if status.pose is None:
             self.readings.lost(now)
             self.readings.last_received_at = now  # it lives, and does not know where it is
@@ -283,9 +260,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._heard()
 
     def _stop_strays(self, status: openmora.OpenMoraStatus, now: float) -> None:
-        """Cancel what drives the robot although no action of ours does: it started late, or an
-        earlier run of the agent has left it.
-        """
+        """Cancel a late start, or what an earlier run of the agent has left driving."""
         is_ours = self.pending_actions.drive is not None or now - self._moved_at < MOTION_ENDS
         if status.autonomous and not is_ours:
             self._cancel_navigation()
@@ -314,7 +289,7 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self, pending: PendingAction, status: openmora.OpenMoraStatus, now: float
     ) -> None:
         stays = now - max(self._stays_since(status, now), pending.began)
-        if self._is_there(pending, status):
+        if self._is_there(pending):
             if stays > STAYED and (pending.goal is not None or not status.autonomous):
                 pending.over_at = now
         elif pending.seen_running and not status.autonomous:
@@ -339,80 +314,38 @@ class OpenMoraMqttAdapter(RemoteAdapter):
             self._stood_at, self._stood_since = (pose.x, pose.y), now
         return self._stood_since
 
-    def _is_there(self, pending: PendingAction, status: openmora.OpenMoraStatus) -> bool:
-        if pending.goal is None:
-            return status.place == pending.place
-        x, y = pending.goal
-        return (
-            status.pose is not None
-            and math.hypot(status.pose.x - x, status.pose.y - y) < openmora.ARRIVED
-        )
-
     def _look(self, now: float) -> None:
-        if self.readings.errors and now - self._error_at > openmora.ERROR_SHOWN:
-            self.readings.errors = ()
+        super()._look(now)
         self.readings.tilt = self._head.angle(now)
 
     # --- what it sends ----------------------------------------------------------------------------
 
-    def _drive(self, velocity: Velocity) -> None:
-        now = time.monotonic()
-        is_braking = velocity == ZERO and openmora.is_cancelling(self.pending_actions)
-        if is_braking and now - self._cancelled_at <= openmora.CANCEL_AGAIN:
-            return
+    def _send_motion(self, velocity: Velocity) -> None:
         self._outgoing.drive(("NavigationCommand", f"Motion {openmora.motion(velocity)}"))
-        self._moved_at = now
-        if is_braking:  # a Motion sets the autonomous mode, which the cancel behind it ends
-            self._cancel_navigation()
+        self._moved_at = time.monotonic()
 
     def _turn_head(self, angle: float) -> None:
-        self._command(
-            f"Tilt {openmora.head_degrees(angle, self._robot, self._options.tilt_sign):.1f}"
-        )
+        self._command(f"Tilt {self._head_degrees(angle):.1f}")
         self._head.turn_to(angle, time.monotonic())
 
-    async def _order(self, action: Action) -> PendingAction:
-        words = self._words(action)
+    async def _send_action(self, action: Action) -> None:
         # A Motion of just now is cancelled by the robot after half a second, and any journey with
         # it.
         await asyncio.sleep(max(0.0, self._moved_at + MOTION_MEMORY - time.monotonic()))
         owned = self.pending_actions.of(action.action_id)
         if not isinstance(action, Relocalize) and (not owned or owned.first_cancelled_at):
             raise ActionRefusedError("cancelled before it began")
-        self._command(words)
-        if isinstance(action, Relocalize) and action.x is not None and action.y is not None:
-            return openmora.search(
-                action.action_id,
-                action.x,
-                action.y,
-                self._options.relocalize_half_width,
-                time.monotonic(),
-            )
-        return self._pending(action)
-
-    def _words(self, action: Action) -> str:
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None:
-                return f"GoToPoint {x:.3f} {y:.3f}"
-            case Goto(place=str(place)) if place in self._nodes:
-                return f"GoToNode {place}"
+                self._command(f"GoToPoint {x:.3f} {y:.3f}")
+            case Goto(place=str(place)):
+                self._command(f"GoToNode {place}")
             case Dock():
-                return "GoToRecharge"
+                self._command("GoToRecharge")
             case Relocalize(x=x, y=y) if x is not None and y is not None:
-                # Handed on to RELOCALIZE_IN_AREA letter by letter
-                # (MQTTMosquitto/CMQTTMosquitto.cpp, on_message).
-                options = self._options
-                half_width, particles = options.relocalize_half_width, options.relocalize_particles
-                return f"Relocalize {openmora.area(x, y, half_width, particles)}"
-            case Goto(place=place):
-                raise ActionRefusedError(
-                    f"{self._options.robot} does not know the place {place!r}; it knows "
-                    f"{', '.join(sorted(self._nodes)) or 'none by name'}"
-                )
-            case _:
-                raise ActionRefusedError(
-                    f"{self._options.robot} needs to be given its position: x and y"
-                )
+                # forwarded to RELOCALIZE_IN_AREA as it is (MQTTMosquitto/CMQTTMosquitto.cpp,
+                # on_message)
+                self._command(f"Relocalize {self._area(x, y)}")
 
     async def _withdraw(self, pending: PendingAction) -> bool:
         """See RemoteAdapter: confirmed by the manual mode, after the robot has read the cancel."""
@@ -421,20 +354,16 @@ class OpenMoraMqttAdapter(RemoteAdapter):
         self._cancel_navigation()
         autonomous, since = self._mode
         since = max(since, pending.first_cancelled_at or math.inf)
-        is_plan = pending.kind != "goto" or bool(pending.place)
-        settled = time.monotonic() - since > (PLAN_STARTS if is_plan else 0.0)
+        settled = time.monotonic() - since > (PLAN_STARTS if is_plan(pending) else 0.0)
         return self._acks_before < self._acked <= self._acks and not autonomous and settled
 
-    def _cancel_navigation(self) -> None:
-        now = time.monotonic()
-        if now - self._cancelled_at > openmora.CANCEL_AGAIN:
-            self._cancelled_at = now
-            self._command("StopGiraff")
-            self._say("Debug", "PNAVIGATORREACTIVEPTG_CMD CANCEL")
+    def _send_cancel(self) -> None:
+        self._command("StopGiraff")
+        self._say("Debug", "PNAVIGATORREACTIVEPTG_CMD CANCEL")
 
 
 class _Head:
-    """Where the head should be by now; nobody knows before it was told."""
+    """Where the head should be by now; unknown before the first order."""
 
     def __init__(self, robot: RobotProfile) -> None:
         self._speed = robot.tilt.speed if robot.tilt else 1.0
@@ -447,9 +376,7 @@ class _Head:
         self._from, self._to, self._since = self.angle(now), angle, now
 
     def angle(self, now: float) -> float | None:
-        """Return the angle that it has by now in radians, None while it turns from one that nobody
-        knows, or before it was told.
-        """
+        """Return the assumed angle in radians; None while it turns from an unknown one."""
         if self._to is None:
             return None
         turned = self._speed * (now - self._since)

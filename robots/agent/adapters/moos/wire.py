@@ -31,14 +31,12 @@ Value = float | str | bytes
 
 
 class MoosWireError(ValueError):
-    """What arrived is not of this protocol."""
+    """Data that are not of this protocol."""
 
 
 @dataclass(frozen=True)
 class Mail:
-    """One message. `text` is the string value: that of a string, and what WELCOME and POISON say
-    besides their number.
-    """
+    """One message; `text` is a string value, also that of WELCOME and POISON."""
 
     type: bytes
     key: str = ""
@@ -53,17 +51,12 @@ class Mail:
 
 
 def pack(mails: tuple[Mail, ...] | list[Mail]) -> bytes:
-    """Return a packet."""
     body = b"".join(map(_pack, mails))
     return _PACKET.pack(HEADER + len(body), len(mails), 0) + body
 
 
 def body_length(header: bytes) -> tuple[int, int]:
-    """Return how many bytes follow a header, and how many messages are in them.
-
-    Raises:
-        MoosWireError: it is no header, or of a compressed packet.
-    """
+    """Return how many bytes and messages follow a header; raises MoosWireError."""
     size, count, compressed = _PACKET.unpack(header)
     if compressed or not HEADER <= size <= LARGEST or count < 0:
         raise MoosWireError(
@@ -73,11 +66,7 @@ def body_length(header: bytes) -> tuple[int, int]:
 
 
 def unpack(body: bytes, count: int) -> list[Mail]:
-    """Return the messages of a packet.
-
-    Raises:
-        MoosWireError: it is none.
-    """
+    """Return the messages of a packet; raises MoosWireError when it is none."""
     found, offset = [], 0
     for _ in range(count):
         mail, offset = _unpack(body, offset)
@@ -88,15 +77,15 @@ def unpack(body: bytes, count: int) -> list[Mail]:
 def _pack(mail: Mail) -> bytes:
     match mail.value:
         case str(text):
-            kind, said, number = b"S", text.encode(), -1.0
+            kind, content, number = b"S", text.encode(), -1.0
         case bytes(data):
-            kind, said, number = b"B", data, -1.0
+            kind, content, number = b"B", data, -1.0
         case number:
-            kind, said, number = b"D", mail.text.encode(), float(number)
+            kind, content, number = b"D", mail.text.encode(), float(number)
     names = b"".join(
         _string(name.encode()) for name in (mail.source, mail.helper, mail.community, mail.key)
     )
-    rest = names + _NUMBERS.pack(mail.time, number, mail.second) + _string(said)
+    rest = names + _NUMBERS.pack(mail.time, number, mail.second) + _string(content)
     return _MESSAGE.pack(_MESSAGE.size + len(rest), mail.number, mail.type, kind) + rest
 
 
@@ -116,11 +105,11 @@ def _unpack(body: bytes, offset: int) -> tuple[Mail, int]:
             name, at = _read_string(body, at, end)
             names.append(name.decode("utf-8", "replace"))
         stamp, value, second = _NUMBERS.unpack_from(body, at)
-        said, _ = _read_string(body, at + _NUMBERS.size, end)
+        data, _ = _read_string(body, at + _NUMBERS.size, end)
     except struct.error as error:
         raise MoosWireError(f"the message is cut off: {error}") from error
-    text = said.decode("utf-8", "replace")
-    content: Value = {b"D": value, b"B": said}.get(value_kind, text)
+    text = data.decode("utf-8", "replace")
+    content: Value = {b"D": value, b"B": data}.get(value_kind, text)
     source, helper, community, key = names
     return Mail(kind, key, content, stamp, source, helper, community, number, second, text), end
 

@@ -63,11 +63,11 @@ from robots.api.messages import (
 )
 from robots.world.sensing import Floats, LaserScan, beams_of
 
-THINKING = 0.1  # seconds between two snapshots for the navigation process
+SNAPSHOT_PERIOD = 0.1  # seconds, for the navigation process
 LATE = 0.3  # seconds without its output after which the robot stops
 # and after which the process is killed: while an action runs, while none does
 STUCK, STUCK_IDLE = 1.0, 3.0
-# how exactly somebody puts a robot where it begins
+# how exactly a robot is put where it begins
 START_SPREAD, START_TURN = 0.15, math.radians(8.0)
 # and how far it may have gone since it was known last
 AGAIN_SPREAD, AGAIN_TURN = 0.25, math.radians(15.0)
@@ -82,8 +82,7 @@ def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = 
     when that has both, or no laser.
 
     An RCA that localizes itself and goes nowhere by itself gets our navigation on its own pose.
-    `area` is the site it stands in, None when the server will say so; `memory` is the file that
-    keeps where it stood.
+    `area` is the site, None when the server will send it; `memory` is the file of the last pose.
     """
     profile = inner.profile
     if profile.laser is None or {"localization", "goto"} <= set(profile.capabilities):
@@ -92,9 +91,7 @@ def wrapped(inner: Adapter, area: FloorPlanUpdate | None, memory: Path | None = 
 
 
 class AutonomyAdapter:
-    """See robot_interface.Adapter and robot_interface.Navigating. The members of the optional
-    protocols exist only where the inner adapter has them.
-    """
+    """See robot_interface.Adapter; it has the optional members that the inner adapter has."""
 
     set_lock: Callable[..., None]
     limit_speed: Callable[[float], None]
@@ -124,16 +121,16 @@ class AutonomyAdapter:
         self._pose_buffer = PoseExtrapolator()
         self.node = NavigationProcess(
             Body(own.series, own.footprint, own.limits, self._localizes),
-            output=self._think,
+            output=self._take_output,
             settled=self._place,
         )
         self._area: FloorPlanUpdate | None = None
         self.dock: Station | None = None
         self._news = ProgressQueue()
-        self._due = Cadence(THINKING)
+        self._due = Cadence(SNAPSHOT_PERIOD)
         self._last: RcaState | None = None
         self._beams: LaserScan | None = None
-        self._told_sweep = -math.inf
+        self._sent_sweep = -math.inf
         self._path: tuple[Point, ...] = ()
         self._wish: Velocity | None = None
         self._starting: set[str] = set()  # actions that the navigation process is asked for
@@ -148,28 +145,17 @@ class AutonomyAdapter:
             self._settle(area)
 
     async def connect(self) -> None:
-        """Reach the RCA, and start the navigation process without waiting for it.
-
-        Raises:
-            AdapterError: the RCA cannot be reached.
-        """
+        """Connect the RCA (raises AdapterError); start the navigation process without waiting."""
         await self.inner.connect()
         await self._memory.read()
         self._last = self._beams = None
         self.node.run()
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity.
-
-        Raises:
-            AdapterError: the RCA is gone.
-        """
         return self.inner.apply(velocity)
 
     def wanted(self) -> Velocity | None:
-        """Return what the running action wants, zero when its output is late, None without one. An
-        action of the RCA may want something, too.
-        """
+        """Return the running action's velocity, zero when late; without one, the RCA's own."""
         if self._running is None:
             return self.inner.wanted() if isinstance(self.inner, PassesVelocities) else None
         late = self._now() - self._last_received_at > LATE
@@ -233,11 +219,7 @@ class AutonomyAdapter:
         return await self.inner.cancel(action_id)
 
     async def states(self) -> AsyncIterator[RcaState]:
-        """Yield the RCA's states; `located` adds our pose and path.
-
-        Raises:
-            AdapterError: the RCA is gone.
-        """
+        """Yield the RCA's states; `located` adds our pose and path. Raises AdapterError."""
         try:
             async for reading in self.inner.states():
                 yield reading
@@ -245,11 +227,7 @@ class AutonomyAdapter:
             self._end_all("the robot was lost")
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
-        """Yield news of actions, the RCA's and ours.
-
-        Raises:
-            AdapterError: the RCA's news have ended so.
-        """
+        """Yield news of actions, the RCA's and ours; raises the RCA's AdapterError."""
         pump = asyncio.ensure_future(self._pump())
         try:
             while True:
@@ -259,27 +237,21 @@ class AutonomyAdapter:
             await asyncio.gather(pump, return_exceptions=True)
 
     def video(self) -> VideoSource | None:
-        """Return the RCA's camera."""
         return self.inner.video()
 
     def audio(self) -> AudioSource | None:
-        """Return the RCA's microphone."""
         return self.inner.audio()
 
     def speaker(self) -> Speaker | None:
-        """Return the RCA's loudspeaker."""
         return outputs_of(self.inner)[0]
 
     def display(self) -> Display | None:
-        """Return the RCA's display."""
         return outputs_of(self.inner)[1]
 
     def configure(self, config: Any) -> None:
-        """Hand a `Config` on."""
         self.inner.configure(config)
 
     async def close(self) -> None:
-        """Stop the robot, and end the navigation process."""
         self._end_all("the agent ends")
         try:
             await self.inner.close()
@@ -298,8 +270,8 @@ class AutonomyAdapter:
     # --- readings ---------------------------------------------------------------------------------
 
     def located(self, reading: RcaState, points: Floats) -> RcaState:
-        """Perceive a reading and what stands about, points (n, 2) in the robot's frame; return it
-        with our pose, path and complaints.
+        """Take a reading and obstacles (n, 2) in the robot's frame; return it with our pose, path
+        and errors.
 
         Raises:
             OSError, RuntimeError: why the task that restarts the process has ended.
@@ -335,9 +307,9 @@ class AutonomyAdapter:
                 points,
                 pose,
             )
-            new = self._beams is not None and self._beams.stamp != self._told_sweep
+            new = self._beams is not None and self._beams.stamp != self._sent_sweep
             if self.node.say(wire.perceive(moment, new=new)) and self._beams is not None:
-                self._told_sweep = self._beams.stamp
+                self._sent_sweep = self._beams.stamp
 
     def _complaints(self, reading: RcaState) -> tuple[str, ...]:
         if reading.odometry is None:
@@ -357,7 +329,7 @@ class AutonomyAdapter:
 
     def _place(self) -> None:
         """Tell a new process where the robot is: the last known pose, or where it begins."""
-        self._last_received_at, self._told_sweep = self._now(), -math.inf
+        self._last_received_at, self._sent_sweep = self._now(), -math.inf
         odometry = self._last.odometry if self._last else None
         known = self._pose_buffer.place(odometry) if self._pose_buffer.trusted else None
         if known is not None:
@@ -371,7 +343,7 @@ class AutonomyAdapter:
         ):
             self.node.say(wire.KnownPlace(kept, AGAIN_SPREAD, AGAIN_TURN))
 
-    def _think(self, output: NavigationOutput) -> None:
+    def _take_output(self, output: NavigationOutput) -> None:
         now = self._now()
         self._last_received_at, self._wish = now, output.wanted
         self._pose_buffer.take(output, now)
@@ -383,7 +355,6 @@ class AutonomyAdapter:
                 take(news)
 
     def _watch(self, now: float) -> None:
-        """Kill a process that no longer answers."""
         silent = now - self._last_received_at
         if not self.node.ready:
             self._end_all(f"navigation was lost: {self.node.problem}")

@@ -3,22 +3,21 @@
 import asyncio
 import contextlib
 import hmac
-import os
 import random
 import secrets
 import subprocess
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
 import structlog
 
 from robots.agent import framing
+from robots.agent.adapters.common.child_process import start_module
 from robots.agent.autonomy import wire
 from robots.agent.autonomy.sensor_snapshot import Body, NavigationOutput
 from robots.agent.robot_interface import AdapterError
 from robots.agent.timing import Backoff
 from robots.api.messages import Dock, FloorPlanUpdate, Follow, Goto, Relocalize, Undock
+from robots.logs import reason_of
 
 START_TIME = 30.0  # a slow computer reads scipy for that long
 READY_TIME = 5.0  # how long an order waits for a process that is starting
@@ -34,11 +33,7 @@ Orderable = Goto | Follow | Dock | Undock | Relocalize
 class NavigationProcess:
     """One process after the other, for one robot. All methods run on the control loop, none blocks.
 
-    Args:
-        body: what the process must know about the robot.
-        output: called with every output.
-        settled: called when a new process is ready, and does not know where the robot is.
-        seed: of everything random.
+    `output` gets every output, `settled` is called when a new process needs the robot's pose.
     """
 
     def __init__(
@@ -63,7 +58,6 @@ class NavigationProcess:
 
     @property
     def pid(self) -> int | None:
-        """The id of the process that runs now."""
         return self._child.pid if self._child is not None else None
 
     def settle(self, area: FloorPlanUpdate) -> None:
@@ -96,11 +90,7 @@ class NavigationProcess:
         return True
 
     async def order(self, action: Orderable) -> None:
-        """Begin an action and wait for the answer.
-
-        Raises:
-            AdapterError: it was refused, or the process does not answer.
-        """
+        """Begin an action and wait for the answer; raises AdapterError when refused or silent."""
         await self._until_ready()
         self._orders += 1
         answer = self._answers[self._orders] = asyncio.get_running_loop().create_future()
@@ -123,7 +113,6 @@ class NavigationProcess:
         self._lose(why)
 
     async def close(self) -> None:
-        """End."""
         if self._task is not None:
             self._task.cancel()
             await asyncio.gather(self._task, return_exceptions=True)
@@ -150,7 +139,7 @@ class NavigationProcess:
             try:
                 await self._live()
             except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
-                log.warning("navigation_node_lost", reason=str(error) or type(error).__name__)
+                log.warning("navigation_node_lost", reason=reason_of(error))
             finally:
                 self._lose("it is restarting")
                 await _end(self._child)
@@ -245,25 +234,7 @@ class NavigationProcess:
 
 
 def _launch(address: str, token: str) -> subprocess.Popen[bytes]:
-    """Start the process; blocks for some milliseconds.
-
-    Raises:
-        OSError: it cannot be started.
-    """
-    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside
-    # the agent.
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-    # from where `robots` is imported, so that a child finds it from anywhere
-    root = str(Path(__file__).resolve().parents[4])
-    child = subprocess.Popen(
-        [sys.executable, "-m", "robots.agent.autonomy", address],
-        stdin=subprocess.PIPE,
-        start_new_session=True,
-        creationflags=flags,
-        cwd=root,
-        env=environment,
-    )
+    child = start_module("robots.agent.autonomy", address, stdin=subprocess.PIPE)
     assert child.stdin is not None
     # it is dead already, which the silence on its socket tells
     with contextlib.suppress(BrokenPipeError):

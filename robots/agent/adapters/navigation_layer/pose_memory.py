@@ -1,8 +1,7 @@
-"""Where the robot stood when the agent ended, so that the next one need not look for it on the
-whole map.
+"""The robot's last pose in a file, so that the next agent need not search the whole map for it.
 
-The robot may have been moved meanwhile, so the pose is only a first guess, which the laser confirms
-or refutes. A file that cannot be read or written counts as missing.
+The robot may have been moved since, so the pose is only a first guess, which the laser confirms or
+refutes. A file that cannot be read or written counts as missing.
 """
 
 import asyncio
@@ -34,9 +33,7 @@ class PoseMemory:
         self._writing: asyncio.Task[None] | None = None
 
     async def read(self) -> None:
-        """Read the file, once and in a thread: a disk that hangs must not delay the control loop,
-        nor the connection by more than a second.
-        """
+        """Read the file once, in a thread, for a second at most: a disk may hang."""
         if self._path is not None and not self._was_read:
             self._was_read = True
             with contextlib.suppress(TimeoutError):

@@ -5,10 +5,12 @@ The pose comes from the robot's own localization (`pose`: amcl's topic, or `tf`)
 """
 
 import asyncio
+import contextlib
 import itertools
 import math
 import re
 import time
+from dataclasses import replace
 from typing import Any, Literal, Self
 
 import msgspec
@@ -33,14 +35,14 @@ from robots.agent.adapters.ros.graph import (
     TopicNeed,
     TopicPeers,
     chosen_stamped,
-    master_restarted,
     nobody_listens,
-    not_said,
+    unpublished,
 )
 from robots.agent.adapters.ros.navigators import navigator_of
 from robots.agent.adapters.ros.topic_camera import TopicCamera
-from robots.agent.ramp import ZERO
+from robots.agent.ramp import ZERO, is_within
 from robots.agent.robot_interface import (
+    ActionProgress,
     ActionRefusedError,
     AdapterError,
     NavigationControl,
@@ -59,6 +61,7 @@ from robots.api.messages import (
 )
 
 ACCEPTANCE = 5.0  # seconds in which navigation has to accept a goal
+AT_REST_FOR = 0.3  # seconds of measurements that show the robot at rest
 WANTED_AGE = 0.3  # seconds after which a velocity of the navigation counts as zero
 # metres and radians: standard deviations of a pose that a person gave
 TOLD_WITHIN, TURNED_WITHIN = 0.5, 0.26
@@ -69,34 +72,10 @@ STAMPED: dict[str, bool | None] = {
     **dict.fromkeys(("true", "yes", "on", "1"), True),
     **dict.fromkeys(("false", "no", "off", "0"), False),
 }
-# the options that name a topic, a service or an action
-NAMED = (
-    "cmd_vel",
-    "navigation_velocity",
-    "odom",
-    "scan",
-    "battery",
-    "pose",
-    "initial_pose",
-    "tf",
-    "move_base",
-    "navigate",
-    "speed_limit",
-    "dock",
-    "undock",
-    "cancel_dock",
-    "tilt",
-    "joint_states",
-    "bumper",
-    "estop",
-    "lock",
-    "estop_service",
-    "image",
-)
 ROS_NAME = re.compile(r"/?\w+(/\w+)*", re.ASCII)
-LISTENERS = 2.0  # seconds in which whoever listens for velocities should be found
-LOOKING = 0.25  # seconds between two looks at who listens, while nobody does
-SETTLING = 3.0  # seconds after which a topic that nobody publishes is missing
+LISTENERS = 2.0  # seconds in which a subscriber of velocities should be found
+LOOKING = 0.25  # seconds between two looks at the subscribers, while there are none
+SETTLING = 3.0  # seconds after which a topic without a publisher is reported
 LOOKING_ROUND = 5.0  # seconds between two looks at all topics
 OFTEN = 0.1  # seconds between two readings, at most, when an order can wait for the next of them
 log = structlog.stdlib.get_logger(__name__)
@@ -174,6 +153,14 @@ class RosOptions(Struct, frozen=True, kw_only=True):
         )
 
 
+# the options that name a topic, a service or an action
+NAMED = tuple(
+    option
+    for option, kind in RosOptions.__annotations__.items()
+    if kind is str and option not in {"namespace", "map_frame", "odom_frame", "tilt_joint"}
+)
+
+
 class RosAdapter(RemoteAdapter):
     """See robot_interface.Adapter, PassesVelocities, WithLock and LimitsSpeed, and bus.Goals."""
 
@@ -194,14 +181,20 @@ class RosAdapter(RemoteAdapter):
         self.place, self.vital = bus.place, f"its odometry on {options.odom}"
         self._navigator = navigator_of(name, action, bus, self) if "goto" in own else None
         self._docking = TriggerDocking(options.cancel_dock, bus, self._at_rest)
+        self._docking_id = ""  # the newest action that docks or undocks
+        self._docking_ended = False  # it has, and the guard does not know it
+        self._at_rest_since: float | None = None
         self._counter = itertools.count(1)
         self._camera = TopicCamera(options.image) if options.image else None
         self._wanted = (ZERO, -math.inf)  # the navigation's velocity, and when it arrived
-        self._stamped = STAMPED[str(options.stamped).lower()] or False
+        # whether velocities are stamped, by the option and as they are sent
+        self._set_stamped = STAMPED[str(options.stamped).lower()]
+        self._stamped = self._set_stamped or False
         self._graph: Graph | None = None
         self._silent: set[str] = set()  # topics without a message yet
-        self._heard_by: int | None = None
+        self._subscribers: int | None = None
         self._early_fix: dict[str, Any] | None = None
+        self._odometry_stamp: Any = None  # of the newest odometry
         self._advertised = False
         self._next_reading: asyncio.Future[None] | None = None
         self._locked = False
@@ -213,19 +206,18 @@ class RosAdapter(RemoteAdapter):
     async def _open(self) -> None:
         await self._bus.open(self._lose, self)
         bus, options = self._bus, self._options
-        bus.guard(self._guard_settings())
+        bus.tell_guard(op="guard", **self._guard_settings())
         self._graph = await bus.graph(options.cmd_vel, ())
         self._silent = {need.topic for need in self._needs()}
-        self._heard_by = self._early_fix = None
+        self._subscribers = self._early_fix = None
         self._wanted = (ZERO, -math.inf)
         self._advertised = False
-        for topic, kind in self._said():
+        for topic, kind in self._publications():
             bus.advertise(topic, kind)
         if options.lock:
             bus.advertise(options.lock, "std_msgs/Bool", latch=True)
-        for topic, kind, handler, quality in self._listened():
-            if topic:
-                bus.subscribe(topic, kind, self._safely(topic, handler), **quality)
+        for each in self._subscriptions():
+            bus.subscribe(replace(each, handler=self._safely(each.topic, each.handler)))
 
     async def _cancel_leftovers(self) -> None:
         if self._navigator is not None:
@@ -234,7 +226,7 @@ class RosAdapter(RemoteAdapter):
             await self._docking.cancel()
         self._advertise_velocities()
         self._run(self._watch_listeners())
-        self._run(self._look_round())
+        self._run(self._watch_graph())
 
     def _guard_settings(self) -> dict[str, Any]:
         options, navigator = self._options, self._navigator
@@ -244,6 +236,7 @@ class RosAdapter(RemoteAdapter):
             "kind": kind,
             "driving": options.cmd_vel,
             "odom": options.odom,
+            "docks": [service for service in (options.dock, options.undock) if service],
             "cancel_dock": options.cancel_dock,
             "linear": self.profile.standstill_linear,
             "angular": self.profile.standstill_angular,
@@ -261,7 +254,7 @@ class RosAdapter(RemoteAdapter):
     def _cut(self) -> None:
         self._bus.cut()
 
-    # --- who else is there ------------------------------------------------------------------------
+    # --- publishers and subscribers ---------------------------------------------------------------
 
     def _needs(self) -> list[TopicNeed]:
         names = {
@@ -270,35 +263,24 @@ class RosAdapter(RemoteAdapter):
             if isinstance(topic, str)
         }
         return [
-            TopicNeed(topic, kind, names[topic])
-            for topic, kind, _, _ in self._listened()
-            if topic and topic in names
+            TopicNeed(each.topic, each.kind, names[each.topic])
+            for each in self._subscriptions()
+            if each.topic in names
         ]
 
-    def _wanted_stamped(self) -> bool:
-        told = STAMPED[str(self._options.stamped).lower()]
-        return (
-            chosen_stamped(self._graph, self._options.cmd_vel, stamped=self._stamped)
-            if told is None
-            else told
-        )
-
     def _advertise_velocities(self) -> None:
-        """Say that velocities will come, as who listens wants them; with `stamped=auto` not before
-        somebody does.
+        """Advertise velocities of the type that their subscribers have; with `stamped=auto`, not
+        before there is one.
         """
-        topic, wanted = self._options.cmd_vel, self._wanted_stamped()
-        if not self._advertised:
-            is_there = (
-                self._graph is None
-                or self._graph.get(topic, TopicPeers(listeners=0)).listeners != 0
-            )
-            if not is_there and STAMPED[str(self._options.stamped).lower()] is None:
+        topic, wanted = self._options.cmd_vel, self._set_stamped
+        if wanted is None:
+            wanted = chosen_stamped(self._graph, topic, stamped=self._stamped)
+        graph = self._graph if self._set_stamped is None else None
+        if self._advertised:
+            if wanted == self._stamped or self._bus.listeners(topic):
                 return
-        elif wanted == self._stamped or self._bus.listeners(topic):
+        elif graph is not None and graph.get(topic, TopicPeers(listeners=0)).listeners == 0:
             return
-        else:
-            self._bus.unadvertise(topic)
         self._stamped, self._advertised = wanted, True
         self._bus.advertise(topic, TWIST_STAMPED if wanted else TWIST, drives=True)
 
@@ -306,39 +288,33 @@ class RosAdapter(RemoteAdapter):
         return self._bus.listeners(self._options.cmd_vel) if self._advertised else 0
 
     def _unheard(self) -> str:
-        """Say that nobody listens for velocities: of another type they are not heard, and neither
-        side is told.
-        """
-        return (
-            nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped)
-            if self._listeners() == 0
-            else ""
-        )
+        """Return why no subscriber receives velocities; ROS reports no types that differ."""
+        if self._listeners() != 0:
+            return ""
+        return nobody_listens(self._graph, self._options.cmd_vel, stamped=self._stamped)
 
     async def _settle(self) -> None:
         deadline = time.monotonic() + LISTENERS
-        # A bus tells nobody when it is heard.
+        # A bus does not announce its first subscriber.
         while (  # noqa: ASYNC110
             self._unheard() and not self._failure and time.monotonic() < deadline
         ):
             await asyncio.sleep(LOOKING / 5)
 
     async def _watch_listeners(self) -> None:
-        """Whoever comes to listen is told to stand first; a base that wants
-        another type gets it.
-        """
+        """Send a new subscriber a zero velocity first, and give a base the type that it has."""
         while True:
             now = self._listeners()
-            if now and not self._heard_by:
+            if now and not self._subscribers:
                 self._tell_to_stand(time.monotonic())
-            self._heard_by = now
+            self._subscribers = now
             if not self._gate.moving:
                 self._advertise_velocities()
             await asyncio.sleep(LOOKING / 5)
 
-    async def _look_round(self) -> None:
-        """Report what is missing. Not while the robot moves: rosbridge takes no velocities
-        meanwhile.
+    async def _watch_graph(self) -> None:
+        """Report what is missing. The graph is requested at rest only: rosbridge takes no
+        velocities meanwhile.
         """
         began = time.monotonic()
         due = began
@@ -347,33 +323,24 @@ class RosAdapter(RemoteAdapter):
             if not self._gate.moving and (now >= due or self._unheard()):
                 due = now + LOOKING_ROUND
                 self._graph = await self._bus.graph(self._options.cmd_vel, sorted(self._silent))
-            missing = not_said(self._graph, self._silent_needs()) if now - began > SETTLING else ()
+            silent = [need for need in self._needs() if need.topic in self._silent]
+            missing = unpublished(self._graph, silent) if now - began > SETTLING else ()
             hangs = self._gate.shut(time.monotonic())
-            self.readings.errors = tuple(
-                filter(
-                    None,
-                    (
-                        hangs and f"{self.place} {hangs}",
-                        master_restarted(self._bus.forgotten),
-                        self._unheard(),
-                        *self._bus.problems,
-                        self._lock_problem,
-                        *missing,
-                    ),
-                )
+            errors = (
+                hangs and f"{self.place} {hangs}",
+                *self._bus.problems,
+                self._unheard(),
+                self._lock_problem,
+                *missing,
             )
+            self.readings.errors = tuple(filter(None, errors))
             await asyncio.sleep(LOOKING)
-
-    def _silent_needs(self) -> list[TopicNeed]:
-        return [need for need in self._needs() if need.topic in self._silent]
 
     def _why_silent(self) -> str:
         odometry = [need for need in self._needs() if need.topic == self._options.odom]
-        return master_restarted(self._bus.forgotten) or next(
-            iter(not_said(self._graph, odometry)), ""
-        )
+        return next(iter((*self._bus.problems, *unpublished(self._graph, odometry))), "")
 
-    def _said(self) -> list[tuple[str, str]]:
+    def _publications(self) -> list[tuple[str, str]]:
         options = self._options
         topics = [
             (options.initial_pose, "geometry_msgs/PoseWithCovarianceStamped"),
@@ -384,63 +351,51 @@ class RosAdapter(RemoteAdapter):
             topics.append((options.speed_limit, "nav2_msgs/SpeedLimit"))
         return [(topic, kind) for topic, kind in topics if topic]
 
-    def _listened(self) -> list[Subscription]:
-        options = self._options
-        topics: list[Subscription] = [
-            (options.odom, "nav_msgs/Odometry", self._odometry, {}),
-            (
-                options.scan,
-                "sensor_msgs/LaserScan",
-                self._scan,
-                {"sensor": True, "period": SCAN_PERIOD},
+    def _subscriptions(self) -> list[Subscription]:
+        options, readings = self._options, self.readings
+        joints = options.joint_states if options.tilt_joint else ""
+        topics = [
+            Subscription(options.odom, "nav_msgs/Odometry", self._odometry),
+            Subscription(
+                options.scan, "sensor_msgs/LaserScan", self._scan, sensor=True, period=SCAN_PERIOD
             ),
-            (options.battery, "sensor_msgs/BatteryState", self._charge, {}),
-            (
-                options.joint_states if options.tilt_joint else "",
-                "sensor_msgs/JointState",
-                self._joints,
-                {},
-            ),
-            (
+            Subscription(options.battery, "sensor_msgs/BatteryState", self._charge),
+            Subscription(joints, "sensor_msgs/JointState", self._joints),
+            Subscription(
                 options.bumper,
                 "std_msgs/Bool",
-                lambda m: self.readings.bumped(touching=bool(m.get("data"))),
-                {},
+                lambda m: readings.bumped(touching=bool(m.get("data"))),
             ),
-            (
+            Subscription(
                 options.image,
                 "sensor_msgs/CompressedImage",
                 self._picture,
-                {"sensor": True, "period": PICTURE_PERIOD},
+                sensor=True,
+                period=PICTURE_PERIOD,
             ),
-            (
+            Subscription(
                 options.estop,
                 "std_msgs/Bool",
-                lambda m: setattr(self.readings, "estop", bool(m.get("data"))),
-                {"either": True},
+                lambda m: setattr(readings, "estop", bool(m.get("data"))),
+                either=True,
             ),
-            (options.navigation_velocity, self._navigation_type(), self._navigate, {}),
+            Subscription(options.navigation_velocity, self._navigation_type(), self._navigate),
+            *(self._navigator.subscriptions if self._navigator is not None else ()),
         ]
-        navigation = self._navigator.subscriptions if self._navigator is not None else ()
-        return [*topics, *self._localization_listened(), *navigation]
+        if options.localization == "pose":
+            kind = "geometry_msgs/PoseWithCovarianceStamped"
+            topics.append(Subscription(options.pose, kind, self._fix, latched=True))
+        elif options.localization == "tf":
+            topics.append(Subscription(options.tf, "tf2_msgs/TFMessage", self._transforms))
+        return [each for each in topics if each.topic]
 
     def _navigation_type(self) -> str:
         """Return the type of `navigation_velocity`: as it is published, else as `stamped`."""
         peers = (self._graph or {}).get(self._options.navigation_velocity, TopicPeers())
-        stamped = STAMPED[str(self._options.stamped).lower()] or False
-        return TWIST_STAMPED if TWIST_STAMPED in peers.kinds or stamped else TWIST
-
-    def _localization_listened(self) -> list[Subscription]:
-        options = self._options
-        if options.localization == "pose":
-            kind = "geometry_msgs/PoseWithCovarianceStamped"
-            return [(options.pose, kind, self._fix, {"latched": True})]
-        if options.localization == "tf":
-            return [(options.tf, "tf2_msgs/TFMessage", self._transforms, {})]
-        return []
+        return TWIST_STAMPED if TWIST_STAMPED in peers.kinds or self._set_stamped else TWIST
 
     def _safely(self, topic: str, handler: Handler) -> Handler:
-        """What is no such message is logged and as if it had not come: silence is noticed."""
+        """Log a malformed message and ignore it: its topic counts as silent."""
 
         def handle(message: dict[str, Any]) -> None:
             self._silent.discard(topic)
@@ -451,11 +406,14 @@ class RosAdapter(RemoteAdapter):
 
         return handle
 
-    # --- what it hears ----------------------------------------------------------------------------
+    # --- readings ---------------------------------------------------------------------------------
 
     def _odometry(self, message: dict[str, Any]) -> None:
         here, velocity = messages.odometry_in(message)
-        arrived = time.time()
+        arrived, stamp = time.time(), message.get("header", {}).get("stamp")
+        if stamp == self._odometry_stamp and messages.stamp_in(message, 0.0):
+            return  # published again: it measures nothing
+        self._odometry_stamp = stamp
         self.readings.moved(
             here, velocity, stamp_of(messages.stamp_in(message, arrived), arrived), time.monotonic()
         )
@@ -508,12 +466,12 @@ class RosAdapter(RemoteAdapter):
         """Return the camera whose pictures are a topic, always the same one, or None."""
         return self._camera
 
-    # --- what it says -----------------------------------------------------------------------------
+    # --- orders -----------------------------------------------------------------------------------
 
     def _drive(self, velocity: Velocity) -> None:
         message: dict[str, Any] = messages.twist(velocity)
         if not self._advertised:
-            return  # nobody is there to hear it
+            return  # there is no subscriber
         if self._stamped:
             message = {
                 "header": messages.header("base_link", time.time(), self._bus.version),
@@ -528,16 +486,18 @@ class RosAdapter(RemoteAdapter):
         pending = None if isinstance(action, Relocalize) else self._pending(action)
         match action:
             case Goto(x=x, y=y) if x is not None and y is not None and pending is not None:
-                pending.goal_id = self._send_goal(Pose2D(x, y, self._heading(action)))
+                # move_base and Nav2 need a heading
+                theta = self.readings.pose.theta if action.theta is None else action.theta
+                pending.goal_id = self._send_goal(Pose2D(x, y, theta))
             case Goto(place=place):
                 raise ActionRefusedError(
                     f"{self.profile.series} does not know the place {place!r}: send it to "
                     "a point on its map"
                 )
-            case Dock():
-                await self._docking.start(self._options.dock)
-            case Undock():
-                await self._docking.start(self._options.undock)
+            case Dock() | Undock():
+                self._docking_id, self._docking_ended = action.action_id, False
+                is_dock = isinstance(action, Dock)
+                await self._docking.start(self._options.dock if is_dock else self._options.undock)
             case Relocalize(x=x, y=y) if x is not None and y is not None:
                 return self._relocalize(action, Pose2D(x, y, action.theta or 0.0))
             case _:
@@ -546,12 +506,6 @@ class RosAdapter(RemoteAdapter):
                 )
         assert pending is not None
         return pending
-
-    def _heading(self, goal: Goto) -> float:
-        """Return the wanted heading, or the present one: move_base and Nav2 want some."""
-        if goal.theta is not None:
-            return goal.theta
-        return self.readings.pose.theta
 
     def _relocalize(self, action: Relocalize, place: Pose2D) -> PendingAction:
         """Send a pose to the localization, and wait until it reports one there: amcl answers once,
@@ -570,6 +524,11 @@ class RosAdapter(RemoteAdapter):
         return PendingAction(
             action.action_id, "relocalize", now, deadline=now + LONGEST_RELOCALIZATION, area=area
         )
+
+    def _tell(self, progress: ActionProgress) -> None:
+        super()._tell(progress)
+        if progress.action_id == self._docking_id and progress.status != "RUNNING":
+            self._docking_ended, self._at_rest_since = True, None
 
     async def _withdraw(self, pending: PendingAction) -> bool:
         if pending.kind != "goto":
@@ -591,7 +550,22 @@ class RosAdapter(RemoteAdapter):
         self._navigator.send({"header": header, "pose": messages.pose(place)}, goal)
         return goal
 
+    def _release_guard(self, now: float) -> None:
+        """Tell the guard that a docking has ended, once the robot is measured at rest: it undocks
+        beyond the point where its contacts part.
+        """
+        if not self._at_rest():
+            self._at_rest_since = None
+        elif self._at_rest_since is None:
+            self._at_rest_since = now
+        elif self.readings.last_received_at - self._at_rest_since >= AT_REST_FOR:
+            self._docking_ended = False
+            with contextlib.suppress(AdapterError):  # a new connection's guard cancels it anyway
+                self._bus.tell_guard(op="docking_ended")
+
     def _look(self, now: float) -> None:
+        if self._docking_ended:
+            self._release_guard(now)
         drive = self.pending_actions.drive
         if (
             drive is not None
@@ -685,11 +659,7 @@ class RosAdapter(RemoteAdapter):
             self._lock_problem = "" if done else f"{service} failed: {reason or 'no reason given'}"
 
     def _at_rest(self) -> bool:
-        velocity, profile = self.readings.velocity, self.profile
-        return (
-            abs(velocity.linear) < profile.standstill_linear
-            and abs(velocity.angular) < profile.standstill_angular
-        )
+        return is_within(self.readings.velocity, self.profile.standstill)
 
 
 ADVICE = (

@@ -5,16 +5,34 @@ Messages are JSON objects (messages.py); types are written as in ROS 1 (`nav_msg
 """
 
 from collections.abc import Callable, Iterable
+from dataclasses import dataclass
 from typing import Any, Protocol
 
 from robots.agent.adapters.ros.graph import Graph
+from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import ActionState
 
 OURS = "telepresence-"  # with which the ids of our goals begin, as in ros1_node.py
+ANSWER_TIME = 10.0  # seconds that a service has to answer
 
 Handler = Callable[[dict[str, Any]], None]
-# topic, type, what takes its messages, and options of the subscription
-Subscription = tuple[str, str, Handler, dict[str, Any]]
+
+
+@dataclass(frozen=True)
+class Subscription:
+    """A topic to subscribe to, its type, and what takes its messages.
+
+    `latched`: the last message is wanted as well. `either`: publishers of either durability are
+    received. `sensor`: messages may be lost. `period`: seconds between two messages, at least.
+    """
+
+    topic: str
+    kind: str
+    handler: Handler
+    latched: bool = False
+    either: bool = False
+    sensor: bool = False
+    period: float = 0.0
 
 
 class Goals(Protocol):
@@ -34,7 +52,9 @@ class Goals(Protocol):
 
 
 class Bus(Protocol):
-    """A connection to a ROS system; only what is awaited may block."""
+    """A connection to a ROS system; only what is awaited may block. After a loss, each call raises
+    AdapterError.
+    """
 
     version: int
     place: str
@@ -46,14 +66,10 @@ class Bus(Protocol):
     connect_time: float | None  # seconds, None for what is usual
 
     @property
-    def forgotten(self) -> tuple[str, ...]:
-        """Return the nodes that still run and that the ROS master, restarted meanwhile, does not
-        know.
-        """
-
-    @property
     def problems(self) -> tuple[str, ...]:
-        """Return what is wrong with the connection itself, a sentence each."""
+        """Return what is wrong with the connection itself or with the ROS master, a sentence each,
+        the gravest first.
+        """
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
         """Connect, and cancel the goals of an earlier connection; `lost` is called with the reason
@@ -63,51 +79,26 @@ class Bus(Protocol):
             AdapterError, OSError, TimeoutError: it cannot be reached.
         """
 
-    def guard(self, settings: dict[str, Any]) -> None:
-        """Give the guard what it needs; called once, right after `open`."""
+    def tell_guard(self, **message: Any) -> None:
+        """Send the guard what to guard (`op` "guard", once, right after `open`), or that a docking
+        has ended (`op` "docking_ended").
+        """
 
     async def shut(self) -> None:
-        """Disconnect."""
+        """Disconnect; of a guarding bus, the guard stops the robot first."""
 
-    def subscribe(
-        self,
-        topic: str,
-        kind: str,
-        handler: Handler,
-        *,
-        latched: bool = False,
-        either: bool = False,
-        sensor: bool = False,
-        period: float = 0.0,
-    ) -> None:
-        """Subscribe to a topic.
-
-        Args:
-            topic: its name.
-            kind: its type.
-            handler: takes the messages.
-            latched: its last message is wanted as well.
-            either: publishers of either durability are received.
-            sensor: messages may be lost.
-            period: seconds between two messages, at least.
-        """
+    def subscribe(self, subscription: Subscription) -> None:
+        """Subscribe to a topic."""
 
     def advertise(
         self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
     ) -> None:
-        """Advertise a topic; `drives` are velocities, `latch` keeps the last message for later
-        subscribers.
+        """Advertise a topic, or replace its type; `drives` are velocities, `latch` keeps the last
+        message for later subscribers.
         """
-
-    def unadvertise(self, topic: str) -> None:
-        """Unadvertise a topic."""
 
     async def ask(self) -> None:
-        """Wait until the subscribers of velocities have answered a probe.
-
-        Raises:
-            AdapterError: the connection is lost.
-        """
+        """Wait until the subscribers of velocities have answered a probe."""
 
     def cut(self) -> None:
         """Discard what has not been sent yet; at once."""
@@ -118,34 +109,49 @@ class Bus(Protocol):
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
         """Return the peers of topics: at least of the one that drives and of those `heard`; None
         when unknown.
-
-        Raises:
-            AdapterError: the connection is lost.
         """
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
-        """Send; of those that are `newest` only the last counts, and only while it is fresh.
-
-        Raises:
-            AdapterError: it does not take the message.
-        """
+        """Send; of those that are `newest` only the last counts, and only while it is fresh."""
 
     async def call(
-        self, service: str, kind: str, arguments: dict[str, Any] | None = None
+        self,
+        service: str,
+        kind: str,
+        arguments: dict[str, Any] | None = None,
+        *,
+        within: float = ANSWER_TIME,
     ) -> tuple[bool, str]:
-        """Call a service and return its success and message.
+        """Call a service and return its success and message; `within` is in seconds.
 
         Raises:
             ActionRefusedError: it does not exist.
             AdapterError: no answer, or an error.
         """
 
-    def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
-        """Send a goal to an action of ROS 2 under a name of ours.
 
-        Raises:
-            AdapterError: this bus carries no actions.
-        """
+class ActionBus(Bus, Protocol):
+    """A bus that carries the actions of ROS 2."""
+
+    def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
+        """Send a goal under a name of ours."""
 
     async def cancel_goal(self, action: str, name: str) -> bool:
         """Cancel a goal; return True when it certainly does not run and never will."""
+
+
+class UnansweredError(AdapterError):
+    """A call of a service had no answer: the service may still obey it."""
+
+
+def result_of(service: str, values: Any, *, problem: Any, is_absent: bool) -> tuple[bool, str]:
+    """Return the success and message of a service's answer.
+
+    Raises:
+        ActionRefusedError: the service does not exist.
+        AdapterError: there are no values.
+    """
+    if not isinstance(values, dict):
+        kind_of_error = ActionRefusedError if is_absent else AdapterError
+        raise kind_of_error(f"{service} cannot be called: {problem}")
+    return bool(values.get("success")), str(values.get("message", ""))

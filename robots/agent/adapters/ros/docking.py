@@ -1,25 +1,31 @@
 """Docking by std_srvs/Trigger services: one docks, one undocks, one cancels either.
 
-That a call has timed out does not end the docking. Only the cancel service does, so it is called
-until it answers.
+That a call has timed out does not end the docking: its service may answer, and the robot move, at
+any later time. Only the cancel service ends it, and only a cancel that was sent after the answer.
 """
 
 import asyncio
+import time
 from collections.abc import Callable
 
-from robots.agent.adapters.ros.bus import Bus
+from robots.agent.adapters.common.pending_actions import LONGEST_DOCKING
+from robots.agent.adapters.ros.bus import ANSWER_TIME, Bus, UnansweredError
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 
 TRIGGER = "std_srvs/Trigger"
-ANSWER_TIME = 1.0  # seconds that one call of `cancel` waits
+CANCEL_TIME = 1.0  # seconds that one call of `cancel` waits
+LOST_FOR = 30.0  # seconds in which a call that ended without an answer may still start the robot
 
 
 class TriggerDocking:
-    """`stands` tells whether the robot is measured at rest."""
+    """`is_at_rest` returns whether the robot is measured at rest."""
 
-    def __init__(self, cancel_service: str, bus: Bus, stands: Callable[[], bool]) -> None:
-        self._cancel_service, self._bus, self._stands = cancel_service, bus, stands
-        self._cancelling: asyncio.Task[bool] | None = None
+    def __init__(self, cancel_service: str, bus: Bus, is_at_rest: Callable[[], bool]) -> None:
+        self._cancel_service, self._bus, self._is_at_rest = cancel_service, bus, is_at_rest
+        self._start: asyncio.Future[tuple[bool, str]] | None = None
+        self._ended_at = 0.0  # when that call ended
+        self._is_cancelled = False
+        self._cancelling: asyncio.Future[bool] | None = None
 
     async def start(self, service: str) -> None:
         """Call the service that docks or undocks.
@@ -28,30 +34,62 @@ class TriggerDocking:
             ActionRefusedError: it refuses, or does not exist.
             AdapterError: no answer.
         """
-        done, reason = await self._bus.call(service, TRIGGER)
+        call = self._bus.call(service, TRIGGER, within=LONGEST_DOCKING)
+        start = self._start = asyncio.ensure_future(call)
+        self._is_cancelled = False
+        self._cancelling = None  # what it answers says nothing of this call
+        start.add_done_callback(self._ended)
+        await asyncio.wait([start], timeout=ANSWER_TIME)
+        if not start.done() or start.cancelled():
+            raise AdapterError(f"{service} does not answer")
+        done, reason = start.result()
         if not done:
             raise ActionRefusedError(f"{service} refused: {reason or 'it gives no reason'}")
 
     async def cancel(self) -> bool:
-        """Call the cancel service, unless a call is under way; return whether it has answered.
+        """Call the cancel service, unless a call is under way; return whether it has answered, and
+        no call can start the robot afterwards.
 
         An answer without success counts while the robot is at rest: there was nothing to cancel.
         """
         if not self._cancel_service:
             return False
-        if self._cancelling is None:
-            self._cancelling = asyncio.ensure_future(self._call())
-        done, _ = await asyncio.wait([self._cancelling], timeout=ANSWER_TIME)
+        self._is_cancelled = True
+        cancelling = self._cancelling
+        if cancelling is None:
+            cancelling = self._cancelling = asyncio.ensure_future(self._call())
+        done, _ = await asyncio.wait([cancelling], timeout=CANCEL_TIME)
         if not done:
             return False
-        cancelling, self._cancelling = self._cancelling, None
+        if self._cancelling is cancelling:
+            self._cancelling = None
         return cancelling.result()
 
+    def _may_start(self) -> bool:
+        """Return whether the robot may be started by a call that has no answer."""
+        start = self._start
+        if start is None:
+            return False
+        if not start.done():
+            return True
+        # it was cancelled with its connection
+        is_unanswered = start.cancelled() or isinstance(start.exception(), UnansweredError)
+        return is_unanswered and time.monotonic() - self._ended_at < LOST_FOR
+
+    def _ended(self, start: asyncio.Future[tuple[bool, str]]) -> None:
+        """Cancel again at once what was cancelled before it was answered."""
+        self._ended_at = time.monotonic()
+        if start.cancelled() or start.exception() is not None or not self._is_cancelled:
+            return
+        if self._cancelling is None or self._cancelling.done():
+            self._cancelling = asyncio.ensure_future(self._call())
+
     async def _call(self) -> bool:
+        may_start = self._may_start()
         try:
             done, _ = await self._bus.call(self._cancel_service, TRIGGER)
         except ActionRefusedError:
-            return True  # there is no docking server
+            done = True  # there is no docking server
         except (AdapterError, asyncio.CancelledError):
             return False
-        return done or self._stands()
+        return (done or self._is_at_rest()) and not may_start

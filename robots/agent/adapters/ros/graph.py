@@ -1,8 +1,8 @@
-"""What else is in a ROS system: who listens on the topics that we say, who says what we listen for,
-of which type. Pure.
+"""The publishers and subscribers of a ROS system's topics, with their types, and what is missing
+among them. Pure.
 
-Types are written as in ROS 1. Publishers and subscribers of different types do not meet, in either
-ROS, and neither is told.
+Types are written as in ROS 1. Publishers and subscribers of different types do not connect, in
+either ROS, and neither gets an error.
 """
 
 from collections.abc import Collection, Iterable, Mapping
@@ -16,7 +16,7 @@ MOST_NODES = 6
 
 @dataclass(frozen=True)
 class TopicPeers:
-    """What others have to do with a topic; None for how many nobody counted."""
+    """The other nodes of a topic: their types, and how many; None where that is unknown."""
 
     kinds: frozenset[str] = frozenset()
     listeners: int | None = None
@@ -28,7 +28,7 @@ Graph = Mapping[str, TopicPeers]
 
 @dataclass(frozen=True)
 class TopicNeed:
-    """A topic that we listen for: its type, and the option that names it."""
+    """A topic that we subscribe to: its type, and the option that names it."""
 
     topic: str
     kind: str
@@ -36,8 +36,8 @@ class TopicNeed:
 
 
 def chosen_stamped(graph: Graph | None, topic: str, *, stamped: bool) -> bool:
-    """Return whether velocities go as TwistStamped: as the others on the topic have it, as before
-    where they do not say.
+    """Return whether velocities are sent as TwistStamped: the others' type of the topic decides,
+    else `stamped`.
     """
     known = graph.get(topic) if graph is not None else None
     kinds = set(VELOCITIES) & known.kinds if known is not None else set()
@@ -45,28 +45,28 @@ def chosen_stamped(graph: Graph | None, topic: str, *, stamped: bool) -> bool:
 
 
 def nobody_listens(graph: Graph | None, topic: str, *, stamped: bool) -> str:
-    """Return the sentence about velocities that nobody hears: what is there instead, and the option
-    to set.
+    """Return the sentence about velocities without a subscriber: which types and topics there are
+    instead, and the option to set.
     """
     ours = TWIST_STAMPED if stamped else TWIST
     known = graph.get(topic, TopicPeers()) if graph is not None else TopicPeers()
     there = sorted(known.kinds - {ours})
     if there:
-        way_out = (
+        remedy = (
             f"set stamped={'false' if stamped else 'true'}"
             if set(there) & set(VELOCITIES)
             else "set cmd_vel to another topic"
         )
-        return f"nobody listens on {topic} for {ours}: there it is {' and '.join(there)}; {way_out}"
+        return f"nobody listens on {topic} for {ours}: there it is {' and '.join(there)}; {remedy}"
     others = _listening(graph, topic)
     return f"nobody listens on {topic} ({ours}): set cmd_vel to the topic of the robot's base" + (
         f"; here are {', '.join(others)}" if others else ""
     )
 
 
-def not_said(graph: Graph | None, needs: Iterable[TopicNeed]) -> tuple[str, ...]:
-    """Return a sentence about each topic that we listen for and nobody publishes, or as another
-    type.
+def unpublished(graph: Graph | None, needs: Iterable[TopicNeed]) -> tuple[str, ...]:
+    """Return a sentence about each topic that we subscribe to and that has no publisher, or one of
+    another type.
     """
     found = []
     for need in needs if graph is not None else ():

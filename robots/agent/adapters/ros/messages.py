@@ -1,4 +1,5 @@
-"""Messages of ROS as JSON objects, the way rosbridge writes them, and back to ours. Pure.
+"""Messages of ROS as JSON objects, as rosbridge writes them, and back to ours. Pure. What reads one
+(`…_in`) raises RosError when it is malformed.
 
 Both generations: the stamp of a header is `secs, nsecs` in ROS 1 and `sec, nanosec` in ROS 2.
 Numbers that JSON lacks (NaN, infinity) arrive as null, bytes as base64 or as a list of numbers.
@@ -78,11 +79,7 @@ def stamp_in(message: Said, arrived: float) -> float:
 
 
 def pose_in(message: Said) -> Pose2D:
-    """Read a geometry_msgs/Pose as a pose on the floor.
-
-    Raises:
-        RosError: it is none.
-    """
+    """Read a geometry_msgs/Pose as a pose on the floor."""
     try:
         place, turn = message["position"], message["orientation"]
         return _checked(Pose2D(float(place["x"]), float(place["y"]), _yaw(turn)))
@@ -91,27 +88,15 @@ def pose_in(message: Said) -> Pose2D:
 
 
 def odometry_in(message: Said) -> tuple[Pose2D, Velocity]:
-    """Read a nav_msgs/Odometry: the pose in its own frame, and the velocity of the robot.
-
-    Raises:
-        RosError: it is none.
-    """
+    """Read a nav_msgs/Odometry: the pose in its own frame, and the velocity of the robot."""
     try:
-        speed = message["twist"]["twist"]
-        velocity = Velocity(
-            linear=_number(speed["linear"]["x"]), angular=_number(speed["angular"]["z"])
-        )
-        return pose_in(message["pose"]["pose"]), velocity
+        return pose_in(message["pose"]["pose"]), velocity_in(message["twist"])
     except (KeyError, TypeError) as error:
         raise RosError(f"invalid odometry: {error}") from error
 
 
 def velocity_in(message: Said) -> Velocity:
-    """Read a geometry_msgs/Twist or TwistStamped.
-
-    Raises:
-        RosError: it is none.
-    """
+    """Read a geometry_msgs/Twist or TwistStamped."""
     try:
         twist = message.get("twist", message)
         return Velocity(
@@ -122,11 +107,7 @@ def velocity_in(message: Said) -> Velocity:
 
 
 def fix_in(message: Said) -> Pose:
-    """Read a geometry_msgs/PoseWithCovarianceStamped; how wide it is says how far to trust it.
-
-    Raises:
-        RosError: it is none.
-    """
+    """Read a geometry_msgs/PoseWithCovarianceStamped; how wide it is says how far to trust it."""
     try:
         here = pose_in(message["pose"]["pose"])
         wide = [_number(value) for value in message["pose"]["covariance"]]
@@ -145,11 +126,7 @@ def fix_in(message: Said) -> Pose:
 
 
 def transform_in(message: Said, parent: str, child: str) -> Pose2D | None:
-    """Return parent_from_child of a tf2_msgs/TFMessage, None when it tells of others.
-
-    Raises:
-        RosError: it is no such message.
-    """
+    """Return parent_from_child of a tf2_msgs/TFMessage, None when it tells of others."""
     try:
         for each in message["transforms"]:
             if (
@@ -170,9 +147,6 @@ def transform_in(message: Said, parent: str, child: str) -> Pose2D | None:
 def scan_in(message: Said, stamp: float) -> Scan:
     """Read a sensor_msgs/LaserScan; beams that run clockwise are turned round, and of too many
     every so many are kept.
-
-    Raises:
-        RosError: it is none.
     """
     try:
         ranges = list(message["ranges"])
@@ -211,11 +185,7 @@ def battery_in(message: Said) -> Charge:
 
 
 def picture_in(message: Said) -> bytes:
-    """Read a sensor_msgs/CompressedImage: the bytes of a JPEG or PNG.
-
-    Raises:
-        RosError: it is none.
-    """
+    """Read a sensor_msgs/CompressedImage: the bytes of a JPEG or PNG."""
     data = message.get("data")
     try:
         return base64.b64decode(data, validate=True) if isinstance(data, str) else bytes(data or ())

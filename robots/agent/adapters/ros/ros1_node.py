@@ -6,12 +6,12 @@ of the system), and so imports nothing of ours and is written for Python 3.6. ro
 node only once per process and cannot recover from a lost master, so the agent restarts this process
 to reconnect.
 
-    agent -> node   advertise, unadvertise, publish, drive (a velocity: after SILENCE without
+    agent -> node   advertise, publish, drive (a velocity: after SILENCE without
     another the robot is stopped),
                     ask (do the subscribers of velocities respond?),
                     graph (and which of the `old` nodes run that the master has forgotten?),
                     guard (what to cancel and stop), beat (the agent's heartbeat),
-                    subscribe, call
+                    subscribe, call, docking_ended
     node -> agent   ready, publish, response, listeners, gone, lost
 
 TCPROS has no acknowledgements: a hung subscriber buffers velocities and executes them later. Before
@@ -24,13 +24,11 @@ goals of ours and the docking, and sends zero velocities until they have ended a
 measured at rest. Then it exits, or waits for the agent to continue.
 """
 
-import base64
 import functools
 import http.client
-import json
-import math
 import os
 import queue
+import select
 import socket
 import struct
 import sys
@@ -39,21 +37,22 @@ import time
 import xmlrpc.client
 from typing import Any
 
-SILENCE = 0.3
+if __package__:
+    from robots.agent.adapters.ros import guarded_node as guarded
+else:  # as a program, in a Python that does not have ours
+    import guarded_node as guarded  # type: ignore[no-redef]
+
 GLANCE = 0.05
 MASTER_PERIOD = 0.3
-MASTER_TIME = 1.0
-HEARING = 3.0
-OLDEST = 0.25  # seconds after which a velocity that waited for this process is none any more
 LIVES_WITHIN = 1.0
+ALL_LIVE_WITHIN = 1.5  # seconds for any number of nodes, well below node_bus.GRAPH_TIME
 SENDING = 16 << 10
 UNACKNOWLEDGED = 1000  # milliseconds
-MAX_QUEUED = 500  # lines for the agent, messages without a subscriber
+HANDSHAKE = 5.0  # seconds that a new connection has for its header
+LARGEST_HEADER = 1 << 18  # bytes, with the definition of the message
+MAX_QUEUED = 500  # messages without a subscriber
 FAREWELL = 0.5  # seconds for the last lines to the agent
-HEARTBEAT = 0.5  # seconds without a heartbeat, after which the guard stops the robot
 GUARD_PERIOD = 0.02
-CANCEL_AGAIN = 0.5
-AT_REST = 0.3  # seconds of standstill after which the guard sends no more zeros
 STALE = 2.0  # seconds without odometry, after which a standstill cannot be measured
 STARTING = 1.0  # seconds in which a new node learns what an earlier one has left
 MOVES_WITHIN = 1.0  # seconds from a velocity or a goal until the robot is measured to move
@@ -61,13 +60,7 @@ REPLACED = 1.0  # seconds that a newer node has published velocities, before thi
 SERVER_GONE = 1.0  # seconds without a connection to the action server's status
 NODE_NAME = "telepresence_"
 OURS = "telepresence-"  # with which the ids of our goals begin
-ENDED = {
-    2,
-    3,
-    4,
-    5,
-    8,
-}  # actionlib_msgs/GoalStatus: preempted, succeeded, aborted, rejected, recalled
+ENDED = frozenset([2, 3, 4, 5, 8])  # of actionlib_msgs/GoalStatus, from preempted to recalled
 
 
 class TimeoutTransport(xmlrpc.client.Transport):
@@ -100,44 +93,70 @@ class Master:
         return call
 
 
-class OtherNode:
-    """Another node, by its slave API, and whether it lives."""
-
-    def __init__(self, uri: str) -> None:
-        self.proxy = xmlrpc.client.ServerProxy(uri, transport=TimeoutTransport())
-        self.has_answered = False
-
-    def lives(self) -> bool:
-        """Tell whether it answers; one that never did cannot be reached from here, and is believed
-        to.
-        """
-        try:
-            self.proxy.getPid("/telepresence")
-        except (OSError, http.client.HTTPException, xmlrpc.client.Error):
-            return not self.has_answered
-        self.has_answered = True
-        return True
+def slave_at(uri: str) -> Any:
+    """Return the slave API of another node."""
+    return xmlrpc.client.ServerProxy(uri, transport=TimeoutTransport())
 
 
-class Node:
+def answers(slave: Any) -> bool:
+    try:
+        slave.getPid("/telepresence")
+    except (OSError, http.client.HTTPException, xmlrpc.client.Error):
+        return False
+    return True
+
+
+def running(nodes: Any) -> Any:
+    """Return the names of the nodes that answer within ALL_LIVE_WITHIN, of an object that has the
+    address of the slave API by name.
+    """
+    found: Any = []
+
+    def ask(name: str) -> None:
+        if answers(slave_at(nodes[name])):
+            found.append(name)
+
+    asking = [threading.Thread(target=ask, args=(name,), daemon=True) for name in nodes]
+    deadline = time.monotonic() + ALL_LIVE_WITHIN
+    for each in asking:
+        each.start()
+    for each in asking:
+        each.join(max(0.0, deadline - time.monotonic()))
+    return sorted(found)
+
+
+def header_arrived(connection: Any) -> Any:
+    """Return whether a connection has sent the whole header of TCPROS, a length in four bytes and
+    as many bytes; None while more may come, False when it never will.
+    """
+    try:
+        if not select.select([connection], [], [], 0)[0]:
+            return None
+        data = connection.recv(LARGEST_HEADER, socket.MSG_PEEK)
+    except OSError:
+        return False
+    if len(data) < 4:
+        return None if data else False
+    length = struct.unpack("<I", data[:4])[0] + 4
+    return False if length > LARGEST_HEADER else len(data) >= length or None
+
+
+class Node(guarded.GuardedNode):
     """One connection to the agent, one node."""
 
     def __init__(self, connection: Any) -> None:
-        import genpy
+        super().__init__(connection)
         import roslib.message
         import rospy
+        import rospy.impl.registration
         import rospy.impl.tcpros_base
 
-        self.genpy, self.rospy, self.roslib = genpy, rospy, roslib
-        self.connection = connection
-        self.outgoing: Any = queue.Queue(MAX_QUEUED)
-        self.publishers: Any = {}
+        self.rospy, self.roslib = rospy, roslib
         self.waiting: Any = {}  # topic to the messages that have no subscriber yet
         self.subscribers: Any = []
         self.driving = ""  # the topic of velocities
-        self.was_alone = False  # at the last look no listener of velocities had connected
-        self.driven: Any = None  # (topic, monotonic time) while the robot may be moving
-        self.unknown = MasterError
+        self.was_alone = False  # at the last look no subscriber of velocities had connected
+        self.driven: Any = None  # monotonic time of the last velocity other than zero
         self.unreachable = (OSError, http.client.HTTPException, xmlrpc.client.Error, MasterError)
         self.uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
         # one for each thread: it has one connection
@@ -146,90 +165,113 @@ class Node:
         self.master = self.new_master()
         self.master_pid = self.master.getPid()
         self.questions: Any = queue.Queue(MAX_QUEUED)
-        self.listeners: Any = {}  # who listens for velocities, by the name of its node
-        self.others: Any = {}  # slave API by the name of the node
+        self.slaves: Any = {}  # of the subscribers of velocities, by the names of their nodes
+        self.has_answered: Any = set()  # those of them that have
+        self.others: Any = {}  # address of the slave API by the name of the node
         self.refused: Any = {}  # by topic: by node the type that it wants
         name = NODE_NAME + str(int(time.time() * 1e6))  # a newer node has a larger number
         rospy.init_node(name, disable_signals=True, disable_rosout=True)
-        self.server = rospy.impl.tcpros_base._tcpros_server
-        self.accept, self.server.topic_connection_handler = (
-            self.server.topic_connection_handler,
+        server = rospy.impl.tcpros_base._tcpros_server
+        self.accept, server.topic_connection_handler = (
+            server.topic_connection_handler,
             self.connected,
         )
+        server.start_server()
+        self.arriving: Any = queue.Queue()
+        self.take_connection = server.tcp_ros_server.inbound_handler
+        server.tcp_ros_server.inbound_handler = self.incoming
+        threading.Thread(target=self.shake_hands, daemon=True).start()
+        self.keep_publications()
         self.guard: Any = Guard(self)
-
-    def say(self, **message: Any) -> None:
-        """Send a line to the agent; without waiting, and none to an agent that reads nothing."""
-        try:
-            self.outgoing.put_nowait((json.dumps(message) + "\n").encode())
-        except queue.Full:
-            pass
-
-    def write_lines(self) -> None:
-        while True:
-            data = self.outgoing.get()
-            try:
-                self.connection.sendall(data)
-            except OSError:
-                pass  # the agent is gone, which run() notices
-            self.outgoing.task_done()
 
     def run(self) -> None:
         """Do what the agent requests until it is gone, then guard the robot."""
         # the agent takes anything else that comes first for a failure
         self.say(op="ready", node=self.rospy.get_name())
-        for work in (
-            self.write_lines,
-            self.watch_wheels,
-            self.watch_master,
-            self.answer_questions,
-            self.guard.run,
-        ):
-            threading.Thread(target=work, daemon=True).start()
+        self.start(self.watch_wheels, self.watch_master, self.answer_questions, self.guard.run)
         try:
-            for line in self.connection.makefile("r", encoding="utf-8"):
-                self.guard.beaten_at = time.monotonic()
-                order = json.loads(line)
-                getattr(self, "do_" + order.pop("op"))(**order)
-        except (OSError, ValueError):
-            pass  # the connection ended, perhaps in the middle of a line
+            self.obey_orders()
         finally:
             self.leave()
 
     def leave(self) -> None:
         """Stop the robot, and return when nothing of ours can move it any more."""
-        self.stand()
+        self.attempt(self.stop_driving)
         self.guard.finish()
 
-    def do_beat(self) -> None:
-        """The agent's control loop runs."""
-
     def do_guard(self, **settings: Any) -> None:
+        super().do_guard(**settings)
         self.guard.begin(**settings)
 
+    def type_of(self, kind: str) -> Any:
+        found = self.roslib.message.get_message_class(kind)
+        if found is None:
+            raise guarded.MissingTypeError("ROS has no message type " + kind + " here")
+        return found
+
     def do_advertise(self, topic: str, kind: str, *, latch: bool, drives: bool = False) -> None:
-        if topic in self.publishers:
-            return
-        message = self.roslib.message.get_message_class(kind)
-        if message is None:
-            self.say(op="lost", reason="ROS has no message type " + kind + " here")
+        message, former = self.type_of(kind), self.publishers.get(topic)
+        if former is not None and former.data_class is message:
             return
         if drives:
-            self.driving = topic
-        greeting = StandingPublisher(message) if drives else None
-        self.publishers[topic] = self.rospy.Publisher(
-            topic, message, greeting, queue_size=2, latch=latch, tcp_nodelay=True
-        )
-
-    def do_unadvertise(self, topic: str) -> None:
-        publisher = self.publishers.pop(topic, None)
-        if publisher is not None:
-            self.driven = None
+            self.driving, self.driven = topic, None
+        greeting = ZeroFirst(message) if drives else None
+        with self.topics.lock:
+            # the guard may publish there, too: only another type of ours is replaced
+            replaced = self.topics.pubs.pop(topic) if former is not None else None
+            self.publishers[topic] = self.rospy.Publisher(
+                topic, message, greeting, queue_size=2, latch=latch, tcp_nodelay=True
+            )
+        if replaced is not None:
             self.refused.pop(topic, None)
-            publisher.unregister()
+            replaced.close()
+
+    def keep_publications(self) -> None:
+        """Never be seen without a topic whose type is replaced.
+
+        rospy asks a publisher that has refused it for its publications 1 s later. If the topic is
+        missing then, it keeps the dead connection in its list and for good ignores all news of that
+        publisher (rospy/impl/tcpros_pubsub.py, robust_connect_subscriber).
+        """
+        self.topics = self.rospy.impl.registration.get_topic_manager()
+        listed = self.topics.get_publications
+
+        def get_publications() -> Any:
+            with self.topics.lock:
+                return listed()
+
+        self.topics.get_publications = get_publications
+
+    def shake_hands(self) -> None:
+        """Give rospy each new connection once its header has arrived, in the order of arrival.
+
+        rospy reads one header at a time and for ever (rospy/impl/tcpros_base.py, TCPServer.run), so
+        that no subscriber connects while a stranger sends none: a client of a node that has ended,
+        whose port this node has now, for example. The order counts because of two connections of
+        one subscriber the newer one is kept.
+        """
+        pending: Any = []
+        while True:
+            try:
+                pending.append(self.arriving.get(timeout=GLANCE / 5 if pending else None))
+            except queue.Empty:
+                pass
+            for entry in list(pending):
+                connection, address, deadline = entry
+                is_whole = header_arrived(connection)
+                if is_whole is None and time.monotonic() < deadline:
+                    continue
+                pending.remove(entry)
+                if is_whole:
+                    self.attempt(functools.partial(self.take_connection, connection, address))
+                else:
+                    connection.close()
+
+    def incoming(self, connection: Any, address: Any) -> None:
+        self.arriving.put((connection, address, time.monotonic() + HANDSHAKE))
 
     def connected(self, connection: Any, address: Any, header: Any) -> Any:
-        """Take somebody who has come to hear a topic; rospy says why not."""
+        """Accept a subscriber; return the reason for refusing it, or None."""
         topic, name = header.get("topic"), header.get("callerid")
         if topic == self.driving:
             connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SENDING)
@@ -257,31 +299,36 @@ class Node:
             self.say(op="response", number=number)
 
     def drop_the_dead(self, master: Any) -> None:
-        """Ask everybody who listens for velocities, and let go of who does not answer."""
+        """Ask each subscriber of velocities, and disconnect those that do not answer. One that has
+        never answered cannot be reached from here, and keeps its connection.
+        """
         publisher = self.publishers.get(self.driving)
         for connection in list(publisher.impl.connections) if publisher is not None else []:
             name = connection.endpoint_id
             try:
-                if name not in self.listeners:
-                    self.listeners[name] = OtherNode(master.lookupNode(name))
-                lives = self.listeners[name].lives()
+                if name not in self.slaves:
+                    self.slaves[name] = slave_at(master.lookupNode(name))
             except self.unreachable:
-                lives = True  # it is no node of this master's any more; its connection will say so
-            if not lives:
-                self.listeners.pop(name, None)
+                continue  # it is no node of this master's any more; its connection will say so
+            if answers(self.slaves[name]):
+                self.has_answered.add(name)
+            elif name in self.has_answered:
+                self.has_answered.discard(name)
+                del self.slaves[name]
                 publisher.impl.remove_connection(connection)
                 connection.close()
 
     def do_graph(self, number: int, driving: str, old: Any) -> None:
-        threading.Thread(target=self.look_round, args=(number, driving, old), daemon=True).start()
+        words: Any = (number, driving, old)
+        threading.Thread(target=self.describe_graph, args=words, daemon=True).start()
 
-    def look_round(self, number: int, driving: str, old: Any) -> None:
+    def describe_graph(self, number: int, driving: str, old: Any) -> None:
         found: Any = {}
         nodes: Any = {}
         try:
             master, own = self.new_master(), self.rospy.get_name()
             speaking, listening, serving = master.getSystemState()
-            kinds = dict(master.getTopicTypes())  # after it: whoever has just come has a type
+            kinds = dict(master.getTopicTypes())  # after it: a new node has a type
             for which, topics in ((2, speaking), (1, listening)):
                 for topic, names in topics:
                     entry = found.setdefault(
@@ -292,42 +339,38 @@ class Node:
                 wanted = sorted(set(self.refused.get(driving, {}).values()) - {""})
                 entry = found.setdefault(driving, [[], 0, 0])
                 entry[0] = wanted
-                self.call_again(bool(entry[1]) and not wanted)
-            running_names = {
+                self.announce_again(bool(entry[1]) and not wanted)
+            names = {
                 name for each in (speaking, listening, serving) for _, at in each for name in at
             }
-            self.look_up(master, running_names - {own})
-            nodes = {
-                "nodes": self.others,
-                "forgotten": running(
-                    {name: old[name] for name in old if name not in running_names}
-                ),
-            }
+            self.others = self.addresses(master, names - {own})
+            forgotten = running({name: old[name] for name in old if name not in names})
+            nodes = {"nodes": self.others, "forgotten": forgotten}
         except self.unreachable:
             pass  # watch_master reports it
         self.say(op="response", number=number, topics=found, **nodes)
 
-    def call_again(self, wanted: bool) -> None:
-        """Have the master tell who listens once more that we publish velocities, if nobody has come
-        since the last look: of two lists of publishers that reach a node at once, rospy takes the
-        one that came last, which need not be the newest (rospy/impl/registration.py, RegManager).
+    def addresses(self, master: Any, names: Any) -> Any:
+        """Return the address of the slave API by name, without nodes that have ended meanwhile."""
+        found: Any = {}
+        for name in names:
+            try:
+                found[name] = self.others.get(name) or master.lookupNode(name)
+            except MasterError:
+                continue
+        return found
+
+    def announce_again(self, wanted: bool) -> None:
+        """Have the master announce our velocities again, when no subscriber has connected since the
+        last look: of two lists of publishers that reach a node at once, rospy takes the one that
+        arrived last, which need not be the newest (rospy/impl/registration.py, RegManager).
         """
-        publisher, topic = self.publishers.get(self.driving), self.driving
+        publisher = self.publishers.get(self.driving)
         alone = publisher is not None and wanted and not publisher.get_num_connections()
         if alone and self.was_alone:
             name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
-            self.own_master(caller=name).registerPublisher(topic, publisher.type, uri)
+            self.own_master(caller=name).registerPublisher(self.driving, publisher.type, uri)
         self.was_alone = alone
-
-    def look_up(self, master: Any, names: Any) -> None:
-        """Know the slave API of each of these nodes, and of no others."""
-        known = {name: uri for name, uri in self.others.items() if name in names}
-        for name in names - set(known):
-            try:
-                known[name] = master.lookupNode(name)
-            except self.unknown:
-                pass  # it has just ended
-        self.others = known
 
     def do_publish(self, topic: str, content: Any) -> None:
         """Publish once there is a subscriber: what rospy publishes before the first one has
@@ -336,8 +379,8 @@ class Node:
         publisher, waiting = self.publishers[topic], self.waiting.setdefault(topic, [])
         message = self.filled(publisher.data_class(), content)
         self.guard.published(topic, message)
-        if not waiting and publisher.get_num_connections():
-            publisher.publish(message)
+        if publisher.impl.is_latch or (not waiting and publisher.get_num_connections()):
+            publisher.publish(message)  # rospy keeps a latched one for later subscribers
             return
         if len(waiting) >= MAX_QUEUED:
             return
@@ -348,7 +391,7 @@ class Node:
             ).start()
 
     def hand_over(self, topic: str, publisher: Any, waiting: Any) -> None:
-        deadline = time.monotonic() + HEARING
+        deadline = time.monotonic() + guarded.HEARING
         while not publisher.get_num_connections() and time.monotonic() < deadline:
             time.sleep(GLANCE)
         while waiting:
@@ -359,78 +402,72 @@ class Node:
             waiting.pop(0)
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
-        if moving and time.monotonic() - at > OLDEST:  # this process has hung meanwhile
+        # A velocity that is late has waited here: this process has hung.
+        if moving and time.monotonic() - at > guarded.OLDEST:
             return
         publisher = self.publishers[topic]
         publisher.publish(self.filled(publisher.data_class(), content))
         if moving:
             self.guard.starting = False
             self.guard.act()
-        self.driven = (topic, time.monotonic()) if moving else None
+        self.driven = time.monotonic() if moving else None
 
-    def do_subscribe(self, topic: str, kind: str, period: float) -> None:
-        message = self.roslib.message.get_message_class(kind)
-        if message is None:
-            self.say(op="lost", reason="ROS has no message type " + kind + " here")
-            return
-        due = [0.0]
+    def do_subscribe(self, topic: str, kind: str, period: float, latched: bool) -> None:
+        """Subscribe to a topic; `latched` is the publisher's to decide."""
+        message, due = self.type_of(kind), [0.0]
 
-        def heard(content: Any) -> None:
+        def take(content: Any) -> None:
             now = time.monotonic()
             if now < due[0]:
                 return
             due[0] = now + period
-            self.say(op="publish", topic=topic, content=self.plain(content))
+            self.say(op="publish", topic=topic, content=guarded.plain(content))
 
         self.subscribers.append(
-            self.rospy.Subscriber(topic, message, heard, queue_size=2, tcp_nodelay=True)
+            self.rospy.Subscriber(topic, message, take, queue_size=2, tcp_nodelay=True)
         )
 
-    def do_call(self, number: int, service: str, kind: str, arguments: Any = None) -> None:
-        self.guard.called(service)
-        threading.Thread(
-            target=self.call, args=(number, service, kind, arguments or {}), daemon=True
-        ).start()
+    def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
+        if service in self.docking.services:
+            self.guard.starting = False
+            self.guard.act()
+        super().do_call(number, service, kind, arguments)
 
-    def call(self, number: int, service: str, kind: str, arguments: Any) -> None:
+    def answer_of(self, service: str, kind: str, arguments: Any, *, docking: int = 0) -> Any:
         try:
             self.rospy.wait_for_service(service, timeout=2.0)
-        except self.rospy.ROSException as error:
-            self.say(op="response", number=number, problem=str(error), absent=True)
-            return
-        try:
+            if docking and self.guard.alone:
+                return {"problem": "the agent is lost", "absent": True}
             proxy = self.rospy.ServiceProxy(service, self.roslib.message.get_service_class(kind))
-            answer = proxy(**arguments)
-            self.say(op="response", number=number, values=self.plain(answer))
-        except (self.rospy.ROSException, self.rospy.ServiceException) as error:
-            self.say(op="response", number=number, problem=str(error) or type(error).__name__)
+            return {"values": guarded.plain(proxy(**arguments))}
+        except self.rospy.ServiceException as error:
+            return {"problem": str(error) or type(error).__name__}
+        except self.rospy.ROSException as error:
+            return {"problem": str(error) or type(error).__name__, "absent": True}
 
     def watch_wheels(self) -> None:
-        """Stop a robot whose agent is stuck, and tell the agent how many hear what it says of
-        motion.
-        """
-        told = None
+        """Stop a robot that gets no more velocities, and report the subscribers of velocities."""
         while True:
             time.sleep(GLANCE)
-            publisher = self.publishers.get(self.driving)
-            now = (self.driving, publisher.get_num_connections() if publisher is not None else 0)
-            if now != told:
-                told = now
-                self.say(op="listeners", topic=now[0], count=now[1])
-            driven = self.driven
-            if driven is not None and time.monotonic() - driven[1] > SILENCE:
-                self.stand()
+            self.attempt(self.look_at_wheels)
+
+    def look_at_wheels(self) -> None:
+        publisher = self.publishers.get(self.driving)
+        count = publisher.get_num_connections() if publisher is not None else 0
+        self.report_listeners(self.driving, count)
+        driven = self.driven
+        if driven is not None and time.monotonic() - driven > guarded.SILENCE:
+            self.stop_driving()
 
     def publish_zero(self) -> None:
         publisher = self.publishers.get(self.driving)
         if publisher is not None:
-            publisher.publish(standing(publisher.data_class))
+            publisher.publish(zero_of(publisher.data_class))
 
-    def stand(self) -> None:
-        driven, self.driven = self.driven, None
-        if driven is not None:
-            publisher = self.publishers[driven[0]]
-            publisher.publish(standing(publisher.data_class))
+    def stop_driving(self) -> None:
+        if self.driven is not None:
+            self.driven = None
+            self.publish_zero()
             time.sleep(GLANCE)
 
     def watch_master(self) -> None:
@@ -452,52 +489,35 @@ class Node:
         self.leave()
         self.exit(1)
 
+    def unregister(self) -> None:
+        """Have the master forget this node: other nodes would go on calling its ports."""
+        name, uri = self.rospy.get_name(), self.rospy.get_node_uri()
+        calls = xmlrpc.client.MultiCall(self.new_master().proxy)
+        for topic, _ in self.topics.get_publications():
+            calls.unregisterPublisher(name, topic, uri)
+        for topic, _ in self.topics.get_subscriptions():
+            calls.unregisterSubscriber(name, topic, uri)
+        for service, at in self.rospy.impl.registration.get_service_manager().get_services():
+            calls.unregisterService(name, service, at)
+        try:
+            calls()
+        except self.unreachable:
+            pass  # the master has forgotten it, or ends itself
+
     def exit(self, code: int) -> None:
         """End this process: rospy's threads would wait for a master that may be gone."""
-        deadline = time.monotonic() + FAREWELL
-        while self.outgoing.unfinished_tasks and time.monotonic() < deadline:
-            time.sleep(GLANCE)
+        self.link.drain(FAREWELL)
         os._exit(code)
 
     def is_known(self) -> bool:
-        """Tell whether the master knows this node."""
         try:
             self.master.lookupNode(self.rospy.get_name())
-        except self.unknown:
+        except MasterError:
             return False
         return True
 
-    def plain(self, value: Any) -> Any:
-        """Return a message as JSON has it."""
-        if isinstance(value, self.genpy.TVal):
-            return {"secs": value.secs, "nsecs": value.nsecs}
-        if isinstance(value, self.genpy.Message):
-            return {name: self.plain(getattr(value, name)) for name in value.__slots__}
-        if isinstance(value, (list, tuple)):
-            return [self.plain(each) for each in value]
-        if isinstance(value, (bytes, bytearray)):
-            return base64.b64encode(value).decode()
-        if isinstance(value, float) and not math.isfinite(value):
-            return None
-        return value
-
     def filled(self, message: Any, content: Any) -> Any:
-        """Return a message with the fields that an object names."""
-        for name, value in content.items():
-            now = getattr(message, name)
-            if isinstance(now, self.genpy.TVal):
-                now.secs, now.nsecs = value["secs"], value["nsecs"]
-            elif isinstance(value, dict):
-                self.filled(now, value)
-            elif isinstance(value, list) and value and isinstance(value[0], dict):
-                kind = message._slot_types[message.__slots__.index(name)].partition("[")[0]
-                made = self.roslib.message.get_message_class(kind)
-                setattr(message, name, [self.filled(made(), each) for each in value])
-            elif isinstance(value, str) and isinstance(now, bytes):
-                setattr(message, name, base64.b64decode(value))
-            else:
-                setattr(message, name, value)
-        return message
+        return guarded.filled(message, content, self.type_of)
 
 
 class Guard:
@@ -511,17 +531,15 @@ class Guard:
 
     def __init__(self, node: Any) -> None:
         self.node = node
-        self.action = self.cancel_dock = ""
-        self.linear = self.angular = 0.0
-        self.beaten_at = self.began_at = time.monotonic()
+        self.action = ""
+        self.standstill, self.docking = node.standstill, node.docking
+        self.began_at = time.monotonic()
         self.closed = False  # the agent will not continue
         self.starting = False  # goals of an earlier node are being ended
         self.sent: Any = {}  # our goals that have not ended: whether they were listed
         self.found: Any = {}  # goals of earlier nodes that have not ended
         self.cancelled_at = 0.0
-        self.docking = False
-        self.dock_call: Any = None
-        self.moved_at = self.measured_at = self.acted_at = time.monotonic()
+        self.acted_at = time.monotonic()
         self.brakes = False  # the robot moves, or is about to, for the agent or for a goal of ours
         self.server_seen_at: Any = None
         self.status: Any = None
@@ -534,10 +552,7 @@ class Guard:
         from nav_msgs.msg import Odometry
 
         rospy = self.node.rospy
-        self.linear, self.angular = settings["linear"], settings["angular"]
-        self.cancel_dock = settings["cancel_dock"]
-        self.starting, self.docking = True, bool(self.cancel_dock)
-        self.began_at = time.monotonic()
+        self.starting, self.began_at = True, time.monotonic()
         rospy.Subscriber(settings["odom"], Odometry, self.measured, queue_size=2, tcp_nodelay=True)
         if settings["kind"] == "move_base":
             self.action, self.kind_of_id = settings["action"], GoalID
@@ -546,11 +561,11 @@ class Guard:
 
     @property
     def alone(self) -> bool:
-        return self.closed or time.monotonic() - self.beaten_at > HEARTBEAT
+        return self.closed or time.monotonic() - self.node.beaten_at > guarded.HEARTBEAT
 
     @property
     def busy(self) -> bool:
-        return bool(self.found or self.sent or self.docking)
+        return bool(self.found or self.sent or self.docking.is_active)
 
     def permits(self, topic: str) -> bool:
         """Return whether a message that waited may still be published: a goal only for an agent
@@ -570,21 +585,12 @@ class Guard:
             self.sent.clear()
             self.node.say(op="gone")
 
-    def called(self, service: str) -> None:
-        if self.cancel_dock and service != self.cancel_dock:
-            self.docking = True
-            self.starting = False
-            self.act()
-
     def act(self) -> None:
         """Take that the robot moves, or is about to, on our behalf: it has to come to rest."""
         self.acted_at, self.brakes = time.monotonic(), True
 
     def measured(self, odometry: Any) -> None:
-        twist, now = odometry.twist.twist, time.monotonic()
-        self.measured_at = now
-        if abs(twist.linear.x) > self.linear or abs(twist.angular.z) > self.angular:
-            self.moved_at = now
+        self.standstill.measure(odometry, time.monotonic())
 
     def listed(self, message: Any) -> None:
         """Take the action server's status, which lists each goal that has not ended."""
@@ -609,13 +615,17 @@ class Guard:
                 self.look(time.monotonic())
             except Exception as error:  # noqa: BLE001 (without this thread nothing guards the robot)
                 self.node.say(op="lost", reason=f"the guard: {error!r}"[:300])
+                if self.alone and (self.busy or self.brakes):
+                    self.node.attempt(self.node.publish_zero)
 
     def look(self, now: float) -> None:
         self.watch_server(now)
         acts = self.alone or self.starting
+        if acts:
+            self.node.cancel_docking()
         if (acts and self.busy) or self.found:
-            self.cancel(now, docking=acts and self.docking)
-        at_rest = now - self.moved_at > AT_REST or now - self.measured_at > STALE
+            self.cancel(now)
+        at_rest = self.standstill.is_proved or now - self.standstill.measured_at > STALE
         if at_rest and now - self.acted_at > MOVES_WITHIN and not (self.found or self.sent):
             self.brakes = False
         if (
@@ -626,8 +636,8 @@ class Guard:
             self.node.publish_zero()
             self.rest.clear()
         else:
-            is_new = now - self.began_at < STARTING
-            self.starting = self.starting and (is_new or self.docking)
+            is_new = now - self.began_at < STARTING or self.docking.is_active
+            self.starting = self.starting and is_new
             self.rest.set()
 
     def watch_server(self, now: float) -> None:
@@ -642,31 +652,13 @@ class Guard:
             self.found.clear()
             self.node.say(op="gone")
 
-    def cancel(self, now: float, *, docking: bool) -> None:
-        """Cancel all that has not ended, every CANCEL_AGAIN seconds."""
-        if now - self.cancelled_at < CANCEL_AGAIN:
+    def cancel(self, now: float) -> None:
+        """Cancel all goals that have not ended, every CANCEL_AGAIN seconds."""
+        if now - self.cancelled_at < guarded.CANCEL_AGAIN:
             return
         self.cancelled_at = now
         for goal in set(self.found) | (set(self.sent) if self.alone else set()):
             self.publisher.publish(self.kind_of_id(id=goal))
-        if docking and (self.dock_call is None or not self.dock_call.is_alive()):
-            self.dock_call = threading.Thread(target=self.call_cancel_dock, daemon=True)
-            self.dock_call.start()
-
-    def call_cancel_dock(self) -> None:
-        from std_srvs.srv import Trigger
-
-        rospy = self.node.rospy
-        try:
-            rospy.wait_for_service(self.cancel_dock, timeout=1.0)
-        except rospy.ROSException:
-            self.docking = False  # no docking server is there
-            return
-        try:
-            rospy.ServiceProxy(self.cancel_dock, Trigger)()
-            self.docking = False
-        except rospy.ServiceException:
-            pass  # it is called again
 
     def finish(self) -> None:
         """Return when all of ours has ended and the robot is at rest, or another node of ours
@@ -676,11 +668,11 @@ class Guard:
         self.rest.clear()
         alone_at = time.monotonic()
         while not self.rest.wait(MASTER_PERIOD) and time.monotonic() - alone_at < REPLACED:
-            if not self.is_replaced():
+            if not self.node.attempt(self.is_replaced):
                 alone_at = time.monotonic()
 
     def is_replaced(self) -> bool:
-        """Return whether a newer node of ours publishes velocities."""
+        """Return whether a newer node of ours drives."""
         try:
             publishing = dict(self.node.new_master().getSystemState()[0])
         except self.node.unreachable:
@@ -690,25 +682,8 @@ class Guard:
         return any(name > own for name in others if name.rsplit("/", 1)[-1].startswith(NODE_NAME))
 
 
-def running(nodes: Any) -> Any:
-    """Return the names of those nodes that answer, all of them asked at once."""
-    found: Any = []
-
-    def ask(name: str, uri: str) -> None:
-        node = OtherNode(uri)
-        if node.lives() and node.has_answered:
-            found.append(name)
-
-    asking = [threading.Thread(target=ask, args=each, daemon=True) for each in nodes.items()]
-    for thread in asking:
-        thread.start()
-    for thread in asking:
-        thread.join(2 * LIVES_WITHIN)
-    return sorted(found)
-
-
-def standing(kind: Any) -> Any:
-    """Return the velocity zero, said now: a base may refuse one that is old."""
+def zero_of(kind: Any) -> Any:
+    """Return a zero velocity with the time of now: a base may refuse one that is old."""
     import rospy
 
     message = kind()
@@ -717,49 +692,33 @@ def standing(kind: Any) -> Any:
     return message
 
 
-class StandingPublisher:
-    """A listener of rospy's: who comes to hear velocities hears first that the robot stands."""
+class ZeroFirst:
+    """rospy's subscriber listener: a new subscriber of velocities receives a zero first."""
 
     def __init__(self, kind: Any) -> None:
         self.kind = kind
 
     def peer_subscribe(self, _topic: Any, _publish_all: Any, publish: Any) -> None:
-        publish(standing(self.kind))
+        publish(zero_of(self.kind))
 
     def peer_unsubscribe(self, _topic: Any, _count: Any) -> None:
         pass
 
 
 def main(make: Any = Node) -> int:
-    """Connect to the agent, whose port is the argument and whose password is the first line of
-    standard input.
-    """
-    connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5.0)
-    connection.settimeout(None)
-    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connection.sendall(sys.stdin.readline().encode())
+    """Connect to the agent and serve it."""
+    connection = guarded.connect()
     try:
         node = make(connection)
     except ImportError as error:
-        return refuse(
-            connection, "rospy is not installed for " + sys.executable + ": " + str(error)
-        )
+        return guarded.refuse(connection, f"rospy is not installed for {sys.executable}: {error}")
     except OSError as error:
-        return refuse(
-            connection,
-            "no ROS master at "
-            + os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
-            + ": "
-            + str(error),
-        )
+        uri = os.environ.get("ROS_MASTER_URI", "http://localhost:11311")
+        return guarded.refuse(connection, f"no ROS master at {uri}: {error}")
     node.run()
+    node.unregister()
     node.exit(0)
     return 0
-
-
-def refuse(connection: Any, reason: str) -> int:
-    connection.sendall((json.dumps({"op": "lost", "reason": reason}) + "\n").encode())
-    return 1
 
 
 if __name__ == "__main__":

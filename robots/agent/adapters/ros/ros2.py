@@ -1,4 +1,4 @@
-"""ROS 2: a node of rclpy in a process of its own (ros2_node.py), and a loopback connection to it.
+"""ROS 2, over a node of rclpy in a process of its own (ros2_node.py).
 
 Needs rclpy: a sourced ROS 2 installation (Humble or later), or the extra `ros2`. Options: `python`
 (the interpreter that has rclpy; default: the system's when ROS 2 is sourced, else the agent's),
@@ -6,25 +6,22 @@ Needs rclpy: a sourced ROS 2 installation (Humble or later), or the extra `ros2`
 selects the middleware and how it finds the robot, as for every program of ROS 2.
 """
 
-import asyncio
 import contextlib
 import json
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any
 
-import msgspec
 from msgspec import Meta
 
 from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.velocity_gate import GateParams
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
-from robots.agent.adapters.ros.bus import Goals, Handler
-from robots.agent.adapters.ros.graph import Graph, TopicPeers
-from robots.agent.adapters.ros.ros1 import GRAPH_TIME, NodeBus, outlives_agent
+from robots.agent.adapters.ros.bus import Goals
+from robots.agent.adapters.ros.node_bus import NodeBus, outlives_agent
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import ActionState
 
@@ -32,6 +29,9 @@ HIGHEST_DOMAIN = 232  # of which the UDP ports are below 65536 (DDSI-RTPS 2.3, 9
 CONFIRMED_WITHIN = 0.8  # s for the node's answer to a cancel, which comes 0.2 s after it at most
 # A velocity that is due waits for the next odometry anyway: at 30 Hz, one per odometry.
 GATE = GateParams(repeat=0.03, at_latest=0.012)
+# Where Fast DDS 3 and 2 look for their profiles
+PROFILES = ("FASTDDS_DEFAULT_PROFILES_FILE", "FASTRTPS_DEFAULT_PROFILES_FILE")
+SET_UP_BY_USER = ("FASTDDS_BUILTIN_TRANSPORTS", *PROFILES)
 PREFIX = b"telepres"  # the first bytes of the ids of our goals, as in ros2_node.py
 NAVIGATE_TO_POSE = "nav2_msgs/NavigateToPose"
 # action_msgs/GoalStatus
@@ -76,8 +76,10 @@ def python_of(options: Ros2Options) -> str:
 
 def is_on_robot(options: Ros2Options) -> bool:
     """Return whether the robot's nodes run on this computer."""
-    if options.on_robot is not None:
-        return options.on_robot
+    return is_limited_to_this_computer() if options.on_robot is None else options.on_robot
+
+
+def is_limited_to_this_computer() -> bool:
     return (
         os.environ.get("ROS_AUTOMATIC_DISCOVERY_RANGE") == "LOCALHOST"
         or os.environ.get("ROS_LOCALHOST_ONLY") == "1"
@@ -104,22 +106,42 @@ def domain_of(options: Ros2Options) -> int:
     return domain
 
 
+def _over_udp(environment: dict[str, str]) -> dict[str, str]:
+    """Return the environment in which Fast DDS uses UDP only. What a frozen base has not read waits
+    in its socket, with a zero behind each velocity. In shared memory the zeros can be lost when
+    their sender ends, and a process that was killed can leave a lock at which the next one hangs.
+
+    Where discovery is limited to this computer, rmw_fastrtps adds shared memory (participant.cpp),
+    so a profile limits it instead.
+    """
+    other = not environment.get("RMW_IMPLEMENTATION", "rmw_fastrtps").startswith("rmw_fastrtps")
+    if other or any(environment.get(name) for name in SET_UP_BY_USER):
+        return environment
+    is_local = is_limited_to_this_computer() and not environment.get("ROS_STATIC_PEERS")
+    profile = str(Path(__file__).with_name(f"fastdds_{'loopback' if is_local else 'udp'}.xml"))
+    environment |= dict.fromkeys(PROFILES, profile)
+    if is_local:
+        environment["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "SYSTEM_DEFAULT"
+        environment.pop("ROS_LOCALHOST_ONLY", None)
+    return environment
+
+
 class Ros2Bus(NodeBus):
-    """See base.Bus."""
+    """See bus.ActionBus. The node cancels what an earlier one has left before it is ready."""
 
     version = 2
     answers = False  # an acknowledgement is of the velocity before
     advice = "run the agent on the robot's computer and set on_robot=true, or "
     script = Path(__file__).with_name("ros2_node.py")
+    graph_source = "its node"
 
     def __init__(self, options: Ros2Options) -> None:
         domain = domain_of(options)
-        # What a frozen base has not read waits in its socket, and a zero is behind each velocity.
-        # In shared memory the zeros are lost when their sender ends.
-        transport = {"FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
-        environment = {**transport, **os.environ, "ROS_DOMAIN_ID": str(domain)}
-        self.guards = is_on_robot(options) and outlives_agent()
-        self._prepare(f"ROS 2 in domain {domain}", python_of(options), environment)
+        environment = _over_udp(os.environ | {"ROS_DOMAIN_ID": str(domain)})
+        guards = is_on_robot(options) and outlives_agent()
+        super().__init__(
+            f"ROS 2 in domain {domain}", python_of(options), environment, guards=guards
+        )
         navigates = "none" not in {options.navigation, options.localization}
         settings = {
             "driving": options.cmd_vel,
@@ -131,48 +153,14 @@ class Ros2Bus(NodeBus):
         self._ids: dict[str, str] = {}  # of goals that have not ended, by our names
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
-        """Start a node, which cancels the goals that an earlier one has left.
+        self.problems = ()
+        await super().open(lost, goals)
 
-        Raises:
-            AdapterError: there is no rclpy, or a goal does not end.
-        """
-        self._lost, self._goals, self.problems = lost, goals, ()
-        self._handlers.clear()
-        self._listeners.clear()
-        reader, self._writer = await self._start()
-        self._beating = asyncio.ensure_future(self._beat())
-        ready = asyncio.get_running_loop().create_future()
-        self._reading = asyncio.ensure_future(self._read_node(reader, ready))
-        await ready
-
-    async def _read_node(self, reader: asyncio.StreamReader, ready: asyncio.Future[None]) -> None:
-        reason = "the ROS 2 node has ended"
-        with contextlib.suppress(OSError, ValueError):
-            while line := await reader.readline():
-                message = msgspec.json.decode(line)
-                if message["op"] == "ready" and not ready.done():
-                    ready.set_result(None)
-                elif message["op"] == "lost":
-                    reason = str(message["reason"])
-                    break
-                self._take(message)
-        if not ready.done():
-            ready.set_exception(AdapterError(f"{self.place}: {reason}"))
-        else:
-            self._lost(reason)
+    def _refusal(self, reason: str) -> str:
+        return f"{self.place}: {reason}"
 
     def _take(self, message: dict[str, Any]) -> None:
         match message:
-            case {"op": "publish", "topic": topic, "content": content} if topic in self._handlers:
-                self._handlers[topic](content)
-            case {"op": "response", "number": number} if (
-                number in self._calls and not self._calls[number].done()
-            ):
-                self._calls[number].set_result(message)
-            case {"op": "listeners", "topic": topic, "count": int(count)} if (
-                topic in self._listeners
-            ):
-                self._listeners[topic] = count
             case {"op": "accepted", "goal": goal} if self._goals is not None:
                 self._goals.accepted(goal)
             case {"op": "ended", "goal": goal, "status": status, "reason": why} if (
@@ -185,55 +173,9 @@ class Ros2Bus(NodeBus):
                 )
             case {"op": "problems", "sentences": sentences}:
                 self.problems = tuple(sentences)
-
-    def subscribe(
-        self,
-        topic: str,
-        kind: str,
-        handler: Handler,
-        *,
-        latched: bool = False,
-        either: bool = False,
-        sensor: bool = False,
-        period: float = 0.0,
-    ) -> None:
-        """Subscribe to a topic; what is latched comes from publishers of either durability."""
-        del sensor  # publishers of either reliability are received
-        self._handlers[topic] = handler
-        self._say(
-            op="subscribe",
-            topic=topic,
-            kind=kind,
-            period=period,
-            latched=latched or either,
-        )
-
-    def advertise(
-        self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
-    ) -> None:
-        """Advertise a topic."""
-        self._listeners.pop(topic, None)
-        self._say(op="advertise", topic=topic, kind=kind, drives=drives, latch=latch)
-        if drives:
-            self._listeners[topic] = 0
-
-    async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Return what others publish and subscribe to."""
-        del heard
-        try:
-            async with asyncio.timeout(GRAPH_TIME):
-                answer = await self._answer(
-                    lambda number: self._say(op="graph", number=number, driving=driving)
-                )
-        except TimeoutError as error:
-            raise AdapterError(f"{self.place}: its node does not answer") from error
-        return {
-            topic: TopicPeers(frozenset(kinds), listeners, speakers)
-            for topic, (kinds, listeners, speakers) in answer.get("topics", {}).items()
-        }
+        super()._take(message)
 
     def send_goal(self, action: str, kind: str, goal: dict[str, Any], name: str) -> None:
-        """Send a goal under a name of ours."""
         del kind  # the node has known it since it was started
         self._ids[name] = (PREFIX + time.time_ns().to_bytes(8, "big")).hex()
         self._say(op="goal", action=action, uuid=self._ids[name], goal=name, content=goal)
@@ -242,11 +184,9 @@ class Ros2Bus(NodeBus):
         """Cancel a goal, also of an earlier connection; return whether it has certainly ended."""
         if name not in self._ids:
             return True  # it was never sent
-        uuid = self._ids[name]
         with contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(CONFIRMED_WITHIN):
-                answer = await self._answer(
-                    lambda number: self._say(op="cancel", number=number, action=action, uuid=uuid)
-                )
-                return bool(answer["confirmed"])
+            answer = await self._answer(
+                CONFIRMED_WITHIN, op="cancel", action=action, uuid=self._ids[name]
+            )
+            return bool(answer["confirmed"])
         return False

@@ -3,9 +3,9 @@
 It runs in the Python that has rclpy, which may not be the agent's (Humble: 3.10, Jazzy: 3.12), and
 so imports nothing of ours and is written for Python 3.8.
 
-    agent -> node   beat (every 0.1 s), guard, advertise, unadvertise, publish, drive (a velocity),
+    agent -> node   beat (every 0.1 s), guard, advertise, publish, drive (a velocity),
                     ask (answered when every reliable subscriber has acknowledged the last
-                    velocity), graph, subscribe, call, goal, cancel
+                    velocity), graph, subscribe, call, docking_ended, goal, cancel
     node -> agent   ready, publish, response, listeners, accepted, ended, problems, lost
 
 This process is also the robot's guard, and outlives the agent. When the connection closes, or no
@@ -18,54 +18,47 @@ cancels and zero velocities for such goals.
 
 Threads: the main one reads the agent's lines, the executor's has all goals and callbacks, `watch`
 is the guard, and one writes to the agent, so that an agent that hangs blocks none of the others.
+
+Longer than most files: goals, qualities of service and the guard run on one executor, in a process
+that can import little.
 """
 
-import array
-import base64
-import collections
-import functools
 import importlib
 import json
 import math
 import os
 import queue
 import signal
-import socket
 import sys
 import threading
 import time
 import traceback
 from typing import Any
 
+if __package__:
+    from robots.agent.adapters.ros import guarded_node as guarded
+else:  # as a program, in a Python that does not have ours
+    import guarded_node as guarded  # type: ignore[no-redef]
+
 PERIOD = 0.05  # s between two rounds of the guard
-HEARTBEAT = 0.5  # s without a line from the agent, after which its goals are cancelled
-SILENCE = 0.3  # s without another velocity, after which a moving robot is stopped
-OLDEST = 0.25  # s after which a velocity that waited for this process is dropped
 PREFIX = b"telepres"  # the first bytes of the ids of our goals
-CANCEL_AGAIN = 0.5  # s between two cancels of a goal
 CONFIRMED_WITHIN = 0.2  # s that the agent waits for the end of a goal that it cancels
 RESULT_WITHIN = 0.2  # s between a terminal status and the result, which has the reason
 SERVER_WITHIN = 4.0  # s that a new goal waits for its action server
 MATCHED_WITHIN = 0.3  # s between the discovery of the server and its discovery of us
 LOST_AFTER = 10.0  # s after which a goal that the server does not know never reached it
-GONE_AFTER = 2.0  # s without an action server, after which its goals have ended
+GONE_AFTER = 2.0  # s without a server, after which its goals have ended and it answers no call
 DISCOVERY = 0.6  # s for the action server and its status to be discovered at the start
 LEFTOVERS = 3.0  # s for goals of an earlier run to end, before the connection is given up
 STARTED_WITHIN = 30  # s after which a start that hangs in the middleware ends this process
-STILL_FOR = 0.3  # s below the thresholds of standstill
 MEASURED_WITHIN = 1.0  # s after which odometry is missing
 FORGOTTEN_AFTER = 60.0  # s without any sign of the robot, after which its guard ends
+FAREWELL = 0.2  # s for the last lines to the agent
 PEERS_PERIOD = 0.5  # s between two looks at the quality of service of others
-HEARING = 3.0  # s for a subscriber to be discovered by a message that waits for it
 BYSTANDER = 1.0  # s after which one of several subscribers that acknowledge nothing may be dead
-BACKLOG = 50  # lines of readings that wait for the agent
 ACTIVE = (1, 2, 3)  # action_msgs/GoalStatus: accepted, executing, canceling
 CANCELED, ABORTED = 5, 6
 UNKNOWN_GOAL, GOAL_TERMINATED = 2, 3  # action_msgs/CancelGoal
-
-
-class MissingTypeError(Exception):
-    """The package of a type is not installed; the message is one sentence."""
 
 
 def type_of(kind: str, part: str) -> Any:
@@ -74,79 +67,14 @@ def type_of(kind: str, part: str) -> Any:
     try:
         return getattr(importlib.import_module(package + "." + part), name)
     except (ImportError, AttributeError) as error:
-        raise MissingTypeError(
+        raise guarded.MissingTypeError(
             f"{kind} is not available: the ROS package {package} is not installed for"
             f" {sys.executable} ({error})"
         ) from error
 
 
-def plain(value: Any) -> Any:
-    """Return a message as JSON has it: bytes as base64, numbers that JSON lacks as None."""
-    if hasattr(value, "get_fields_and_field_types"):
-        return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
-    if isinstance(value, (bytes, bytearray)):
-        return base64.b64encode(value).decode()
-    if isinstance(value, array.array) and value.typecode == "B":
-        return base64.b64encode(value.tobytes()).decode()
-    if hasattr(value, "tolist"):  # array.array and numpy.ndarray
-        value = value.tolist()
-    if isinstance(value, (list, tuple)):
-        return [plain(each) for each in value]
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value
-
-
 def filled(message: Any, content: Any) -> Any:
-    """Return a message with the fields that an object names."""
-    kinds = message.get_fields_and_field_types()
-    for name, value in content.items():
-        now, kind = getattr(message, name), kinds[name]
-        if hasattr(now, "get_fields_and_field_types"):
-            filled(now, value)
-        elif isinstance(value, list) and value and isinstance(value[0], dict):
-            made = type_of(kind.replace("sequence<", "").split(">")[0].split("[")[0], "msg")
-            setattr(message, name, [filled(made(), each) for each in value])
-        elif isinstance(value, list) and ("float" in kind or "double" in kind):
-            setattr(message, name, [float(each) for each in value])
-        elif isinstance(value, str) and not isinstance(now, str):
-            setattr(message, name, list(base64.b64decode(value)))
-        else:
-            setattr(message, name, float(value) if isinstance(now, float) else value)
-    return message
-
-
-class Link:
-    """The connection to the agent. `say` never blocks."""
-
-    def __init__(self, connection: Any) -> None:
-        self.connection = connection
-        self.lines: Any = collections.deque()
-        self.changed = threading.Condition()
-
-    def say(self, **message: Any) -> None:
-        line = (json.dumps(message) + "\n").encode()
-        with self.changed:
-            if message["op"] != "publish" or len(self.lines) < BACKLOG:
-                self.lines.append(line)
-                self.changed.notify_all()
-
-    def write(self) -> None:
-        while True:
-            with self.changed:
-                self.changed.wait_for(lambda: self.lines)
-                line = self.lines[0]
-            try:
-                self.connection.sendall(line)
-            except OSError:
-                return
-            with self.changed:
-                self.lines.popleft()
-                self.changed.notify_all()
-
-    def drain(self) -> None:
-        with self.changed:
-            self.changed.wait_for(lambda: not self.lines, timeout=0.2)
+    return guarded.filled(message, content, lambda kind: type_of(kind, "msg"))
 
 
 class Goal:
@@ -176,6 +104,7 @@ class OwnedGoals:
 
         self.node, self.name, self.cancel_goal = node, name, CancelGoal
         self.goals: Any = {}  # by id
+        self.left: Any = set()  # ids of goals that were given up without their terminal status
         self.has_reported = False
         self.found_at = math.inf
         self.seen_at = time.monotonic()
@@ -187,7 +116,7 @@ class OwnedGoals:
         self.sender: Any = None
         try:
             self.kind = type_of(kind, "action")
-        except MissingTypeError as error:
+        except guarded.MissingTypeError as error:
             self.missing = str(error)
             node.problem(name, self.missing)
             return
@@ -248,8 +177,13 @@ class OwnedGoals:
         elif now - goal.over_at > (RESULT_WITHIN if goal.name else 0.0):
             self.finish(goal, goal.status, "")
         elif goal.request is None and now - self.seen_at > GONE_AFTER:
+            self.left.add(goal.uuid)
             self.finish(goal, ABORTED, f"the action server on {self.name} is gone")
-        elif goal.unwanted and goal.request is None and now - goal.cancelled_at >= CANCEL_AGAIN:
+        elif (
+            goal.unwanted
+            and goal.request is None
+            and now - goal.cancelled_at >= guarded.CANCEL_AGAIN
+        ):
             self.cancel(goal, now)
         for question in list(goal.questions):
             if now > question[1]:
@@ -257,7 +191,7 @@ class OwnedGoals:
                 self.node.say(op="response", number=question[0], confirmed=False)
 
     def answered(self, goal: Any, is_accepted: bool) -> None:
-        if is_accepted and goal.uuid not in self.goals:  # we have given it up meanwhile
+        if is_accepted and goal.uuid not in self.goals:  # it was given up before
             goal.name, goal.unwanted = "", True
             self.goals[goal.uuid] = goal
         if is_accepted:
@@ -296,9 +230,12 @@ class OwnedGoals:
                 goal.status, goal.over_at = entry.status, time.monotonic()
 
     def is_left(self, uuid: bytes) -> bool:
-        """Whether an earlier run has left a goal. A goal that is younger than this process is one
-        of its successor, except before `ready`, when the clock may have been set back.
+        """Whether a goal was given up, or left by an earlier run. Another one that is younger than
+        this process is one of its successor, except before `ready`, when the clock may have been
+        set back.
         """
+        if uuid in self.left:
+            return True
         sent_at = int.from_bytes(uuid[len(PREFIX) :], "big")
         return uuid.startswith(PREFIX) and (self.node.starting or sent_at < self.node.began)
 
@@ -315,6 +252,8 @@ class OwnedGoals:
         now = time.monotonic()
         may_arrive = goal.name and goal.status == 0 and now - goal.began < LOST_AFTER
         if code in (UNKNOWN_GOAL, GOAL_TERMINATED) and goal.over_at == math.inf and not may_arrive:
+            if code == UNKNOWN_GOAL:
+                self.left.add(goal.uuid)
             goal.status, goal.over_at = CANCELED, now
 
     def finish(self, goal: Any, status: int, reason: str) -> None:
@@ -326,7 +265,7 @@ class OwnedGoals:
             self.node.say(op="ended", goal=goal.name, status=status, reason=reason)
 
 
-class Subscription:
+class TopicSubscription:
     """A topic, and the subscriptions that receive it from publishers of any quality of service.
 
     Best effort and volatile receives from all. A latched topic has a second one that is reliable
@@ -374,40 +313,32 @@ class Subscription:
     def take(self, message: Any) -> None:
         now = time.monotonic()
         if self.topic == self.node.settings["odom"]:
-            self.node.measure(message, now)
+            self.node.standstill.measure(message, now)
         if self.is_forwarded and now >= self.due:
             self.due = now + self.period
-            self.node.say(op="publish", topic=self.topic, content=plain(message))
+            self.node.say(op="publish", topic=self.topic, content=guarded.plain(message))
 
 
-class Ros2Node:
+class Ros2Node(guarded.GuardedNode):
     """One connection to the agent, one node."""
 
     def __init__(self, connection: Any, settings: Any) -> None:
+        super().__init__(connection)
         import rclpy
         from rclpy import executors, node, qos, signals
 
         self.settings = settings  # driving, odom, action, kind
-        self.linear, self.angular = 0.02, 0.05  # thresholds of standstill, until `guard`
-        self.cancel_dock, self.is_docking, self.docking_cancelled_at = "", False, -math.inf
         self.qos = qos
-        self.link = Link(connection)
-        self.say = self.link.say
         self.problems: Any = {}  # sentences for the robot's owner, by topic
-        self.publishers: Any = {}
         self.kinds: Any = {}  # type by publisher's topic
         self.subscriptions: Any = {}
         self.clients: Any = {}
         self.waiting: Any = []  # (topic, message, deadline) without a subscriber
         self.questions: Any = queue.Queue()
         self.driven: Any = None  # monotonic time of the last velocity other than zero
-        self.measured_at = self.last_sign = -math.inf
-        self.still_since = math.inf
-        self.beat_at = time.monotonic()
         self.ended = threading.Event()
         self.guarding = self.is_attending = False
         self.starting, self.began = True, time.time_ns()
-        self.counted: Any = None  # (topic of velocities, its subscribers) as told last
         self.peers_due = 0.0
         rclpy.init(
             args=["--ros-args", "--disable-external-lib-logs"],
@@ -440,31 +371,17 @@ class Ros2Node:
         for number in (signal.SIGTERM, signal.SIGINT, getattr(signal, "SIGHUP", signal.SIGTERM)):
             signal.signal(number, self.end)
         watching = threading.Thread(target=self.watch, daemon=True)
-        for work in (self.link.write, self.spin, self.answer_questions):
-            threading.Thread(target=work, daemon=True).start()
+        self.start(self.spin, self.answer_questions)
         watching.start()
-        try:
-            for line in self.link.connection.makefile("r", encoding="utf-8"):
-                self.beat_at = time.monotonic()
-                self.obey(json.loads(line))
-        except (OSError, ValueError):
-            pass  # as good as the end of what the agent sends
+        self.obey_orders()
         self.ended.set()
         watching.join()
 
     def end(self, *_: Any) -> None:
-        """Begin to guard; a guard that is ended has a successor (ros1.py, `NodeBus.guard`)."""
+        """Begin to guard; a guard that is ended has a successor (node_bus.py, `NodeBus._take`)."""
         if self.guarding:
             os._exit(0)
         self.ended.set()
-
-    def obey(self, order: Any) -> None:
-        try:
-            getattr(self, "do_" + order.pop("op"))(**order)
-        except MissingTypeError as error:
-            self.say(op="lost", reason=str(error))
-        except Exception:  # one bad order must not end the guard
-            traceback.print_exc()
 
     def spin(self) -> None:
         while True:
@@ -479,41 +396,30 @@ class Ros2Node:
 
     # --- what the agent asks for ------------------------------------------------------------------
 
-    def do_beat(self) -> None:
-        pass
-
-    def do_guard(self, **settings: Any) -> None:
-        self.linear, self.angular = settings["linear"], settings["angular"]
-        self.cancel_dock = settings["cancel_dock"]
-        self.is_docking = bool(self.cancel_dock)  # an earlier run may have left that
-        self.cancel_docking()
-
     def do_advertise(self, topic: str, kind: str, *, drives: bool, latch: bool = False) -> None:
-        if topic in self.publishers:
-            return
         try:
             made = type_of(kind, "msg")
-        except MissingTypeError as error:
+        except guarded.MissingTypeError as error:
             self.problem(topic, str(error))
             return
+        former = self.publishers.get(topic)
+        if former is not None:
+            if self.kinds[topic] is made:
+                return
+            self.driven = None
+            self.later(self.ros.destroy_publisher, former)
         # of velocities, only the newest is sent again to a subscriber that missed it
         quality = self.quality(latched=latch, depth=1 if drives else 10)
-        self.publishers[topic] = self.ros.create_publisher(made, topic, quality)
         self.kinds[topic] = made
-
-    def do_unadvertise(self, topic: str) -> None:
-        publisher = self.publishers.pop(topic, None)
-        if publisher is not None:
-            self.driven = None
-            self.later(self.ros.destroy_publisher, publisher)
+        self.publishers[topic] = self.ros.create_publisher(made, topic, quality)
 
     def do_publish(self, topic: str, content: Any) -> None:
         if topic in self.publishers:
             message = filled(self.kinds[topic](), content)
-            self.later(self.publish_soon, (topic, message, time.monotonic() + HEARING))
+            self.later(self.publish_soon, (topic, message, time.monotonic() + guarded.HEARING))
 
     def publish_soon(self, *new: Any) -> None:
-        """Publish as soon as there is a subscriber: what is published before is lost."""
+        """Publish messages that have a subscriber; without one, they would be lost."""
         waiting, self.waiting = [*self.waiting, *new], []
         for topic, message, deadline in waiting:
             publisher = self.publishers.get(topic)
@@ -526,7 +432,7 @@ class Ros2Node:
 
     def do_drive(self, topic: str, content: Any, *, moving: bool, at: float) -> None:
         # A velocity that is late has waited here: this process has hung.
-        if moving and (self.guarding or time.monotonic() - at > OLDEST):
+        if moving and (self.guarding or time.monotonic() - at > guarded.OLDEST):
             return
         self.publishers[topic].publish(self.stamped(filled(self.kinds[topic](), content)))
         self.driven = time.monotonic() if moving else None
@@ -538,7 +444,7 @@ class Ros2Node:
 
     def subscription(self, topic: str, kind: str) -> Any:
         if topic not in self.subscriptions:
-            self.subscriptions[topic] = Subscription(self, topic, type_of(kind, "msg"))
+            self.subscriptions[topic] = TopicSubscription(self, topic, type_of(kind, "msg"))
         return self.subscriptions[topic]
 
     def do_ask(self, number: int) -> None:
@@ -550,15 +456,18 @@ class Ros2Node:
             number = self.questions.get()
             began = time.monotonic()
             while not self.acknowledged():
-                publisher = self.publishers.get(self.settings["driving"])
-                several = publisher is not None and publisher.get_subscription_count() > 1
-                if several and (has_bystanders or time.monotonic() - began > BYSTANDER):
+                is_over = has_bystanders or time.monotonic() - began > BYSTANDER
+                if is_over and self.subscriber_count() > 1:
                     has_bystanders = True
                     break
                 time.sleep(0.002)
             else:
                 has_bystanders = False
             self.say(op="response", number=number)
+
+    def subscriber_count(self) -> int:
+        publisher = self.publishers.get(self.settings["driving"])
+        return publisher.get_subscription_count() if publisher is not None else 0
 
     def acknowledged(self) -> bool:
         """Whether every reliable subscriber has acknowledged the last velocity."""
@@ -567,7 +476,7 @@ class Ros2Node:
         publisher = self.publishers.get(self.settings["driving"])
         try:
             return publisher is None or publisher.wait_for_all_acked(Duration())
-        except RuntimeError:  # the publisher was destroyed meanwhile
+        except RuntimeError:  # the publisher was destroyed
             return True
 
     def do_graph(self, number: int, driving: str) -> None:
@@ -587,61 +496,48 @@ class Ros2Node:
                 found[topic] = [kinds, len(subscribers), len(publishers)]
         self.say(op="response", number=number, topics=found)
 
-    def publishers_of(self, topic: str) -> Any:
-        return self.others(self.ros.get_publishers_info_by_topic(topic))
+    def publishers_of(self, topic: str, *, own: bool = False) -> Any:
+        found, name = self.ros.get_publishers_info_by_topic(topic), self.ros.get_name()
+        return [each for each in found if (each.node_name == name) == own]
 
     def subscribers_of(self, topic: str) -> Any:
-        return self.others(self.ros.get_subscriptions_info_by_topic(topic))
+        found, name = self.ros.get_subscriptions_info_by_topic(topic), self.ros.get_name()
+        return [each for each in found if each.node_name != name]
 
-    def others(self, endpoints: Any) -> Any:
-        own = self.own(endpoints)
-        return [each for each in endpoints if each not in own]
-
-    def own(self, endpoints: Any) -> Any:
-        return [each for each in endpoints if each.node_name == self.ros.get_name()]
-
-    def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
-        if service != self.cancel_dock:
-            self.is_docking = bool(self.cancel_dock)
-        answer = functools.partial(self.say, op="response", number=number)
-        words: Any = (service, kind, arguments, answer)
-        threading.Thread(target=self.call, args=words, daemon=True).start()
-
-    def call(self, service: str, kind: str, arguments: Any, answer: Any) -> None:
-        """Call a service, and `answer` with `values` or a `problem`."""
+    def answer_of(self, service: str, kind: str, arguments: Any, *, docking: int = 0) -> Any:
         try:
             made = type_of(kind, "srv")
-        except MissingTypeError as error:
-            answer(problem=str(error), absent=True)
-            return
+        except guarded.MissingTypeError as error:
+            return {"problem": str(error), "absent": True}
         if service not in self.clients:
             self.clients[service] = self.ros.create_client(made, service)
         client, deadline = self.clients[service], time.monotonic() + SERVER_WITHIN
         while not client.service_is_ready():
             if time.monotonic() > deadline:
-                if service == self.cancel_dock:
-                    self.is_docking = False
-                answer(problem="there is no such service", absent=True)
-                return
+                return {"problem": "there is no such service", "absent": True}
             time.sleep(PERIOD)
-        request = filled(made.Request(), arguments or {})
-        self.later(self.send, service, client, request, answer)
+        if docking and self.guarding:
+            return {"problem": "the agent is lost", "absent": True}
+        answers: Any = queue.Queue()
+        self.later(self.send, client, filled(made.Request(), arguments), answers.put)
+        is_cancel = service == self.docking.cancel_service
+        within = SERVER_WITHIN if is_cancel else guarded.ANSWERED_WITHIN
+        return self.received(answers, client, within)
 
-    def send(self, service: str, client: Any, request: Any, answer: Any) -> None:
-        def answered(done: Any) -> None:
-            if service == self.cancel_dock:
-                self.is_docking = False
-            answer(values=plain(done.result()))
+    def received(self, answers: Any, client: Any, within: float) -> Any:
+        """Wait for an answer. A server that is gone, or was restarted, never sends it."""
+        began = seen_at = now = time.monotonic()
+        while now - began < within and now - seen_at < GONE_AFTER:
+            try:
+                return {"values": guarded.plain(answers.get(timeout=PERIOD))}
+            except queue.Empty:
+                now = time.monotonic()
+            if client.service_is_ready():
+                seen_at = now
+        return {"problem": "no answer"}
 
-        client.call_async(request).add_done_callback(answered)
-
-    def cancel_docking(self) -> None:
-        """Call the service that cancels docking, again every CANCEL_AGAIN until it answers."""
-        now = time.monotonic()
-        if self.is_docking and now - self.docking_cancelled_at > CANCEL_AGAIN:
-            self.docking_cancelled_at = now
-            words: Any = (self.cancel_dock, "std_srvs/Trigger", {}, lambda **_: None)
-            threading.Thread(target=self.call, args=words, daemon=True).start()
+    def send(self, client: Any, request: Any, take: Any) -> None:
+        client.call_async(request).add_done_callback(lambda done: take(done.result()))
 
     def do_goal(self, action: str, uuid: str, goal: str, content: Any) -> None:
         self.later(self.actions[action].start, bytes.fromhex(uuid), goal, content)
@@ -651,15 +547,6 @@ class Ros2Node:
 
     # --- the guard --------------------------------------------------------------------------------
 
-    def measure(self, odometry: Any, now: float) -> None:
-        twist = odometry.twist.twist
-        still = (
-            math.hypot(twist.linear.x, twist.linear.y) < self.linear
-            and abs(twist.angular.z) < self.angular
-        )
-        self.measured_at = self.last_sign = now
-        self.still_since = min(self.still_since, now) if still else math.inf
-
     @property
     def goals(self) -> Any:
         return [goal for action in self.actions.values() for goal in list(action.goals.values())]
@@ -667,7 +554,7 @@ class Ros2Node:
     def watch(self) -> None:
         try:
             self.say(op="lost", reason=self.serve())
-        except Exception as error:  # whatever it is, the robot has to be stopped
+        except Exception as error:  # of any kind: the robot has to be stopped
             traceback.print_exc()
             self.say(op="lost", reason=f"the node of ROS 2 failed: {error!r}")
         self.guard()
@@ -681,66 +568,73 @@ class Ros2Node:
         while not self.ended.wait(PERIOD):
             now = time.monotonic()
             self.look_after(now)
-            if now - self.beat_at > HEARTBEAT and (self.goals or self.is_docking):
-                return f"the agent did not respond for {HEARTBEAT} s while an action ran"
+            if now - self.beaten_at > guarded.HEARTBEAT and (self.goals or self.docking.is_active):
+                return f"the agent did not respond for {guarded.HEARTBEAT} s while an action ran"
         return "the connection was closed"
 
     def cancel_leftovers(self) -> bool:
         """Cancel the goals of an earlier run; return whether they have ended."""
-        deadline = time.monotonic() + DISCOVERY
-        while not all(each.settled(time.monotonic()) for each in self.actions.values()):
-            if time.monotonic() > deadline:
-                break
+        now = began = time.monotonic()
+        while now - began < DISCOVERY and not all(a.settled(now) for a in self.actions.values()):
             time.sleep(0.02)
+            now = time.monotonic()
         if not self.goals:
             return True
-        deadline = time.monotonic() + LEFTOVERS
-        while time.monotonic() < deadline and not self.ended.is_set():
-            if not self.may_move(deadline - LEFTOVERS):
+        while time.monotonic() - now < LEFTOVERS and not self.ended.is_set():
+            if not self.may_move(now):
                 return True
-            self.brake()
+            self.stop_wheels()
+            self.attend()
+            time.sleep(PERIOD)
         return False
 
     def guard(self) -> None:
         """Cancel all goals and brake until the robot is measured at rest; then exit."""
         self.guarding = True
         began, was_driven = time.monotonic(), self.driven is not None
+        self.attempt(self.disown_goals)
+        if self.goals or self.docking.is_active or was_driven:
+            self.brake_until_rest(began)
+        self.link.drain(FAREWELL)
+        os._exit(0)  # rclpy's threads would wait
+
+    def disown_goals(self) -> None:
         settled = threading.Event()
         self.later(settled.set)  # behind a goal that the agent has just sent
         settled.wait(MEASURED_WITHIN)
         for goal in self.goals:
             goal.unwanted = True
-        if self.goals or self.is_docking or was_driven:
-            self.brake()
-            while self.may_move(began):
-                self.brake()
-        self.link.drain()
-        os._exit(0)  # rclpy's threads would wait
 
-    def brake(self) -> None:
-        self.stop_wheels()
-        self.attend()
-        if self.guarding:
-            self.cancel_docking()
-        time.sleep(PERIOD)
+    def brake_until_rest(self, began: float) -> None:
+        """Brake, and cancel what may move the robot; an error ends none of that."""
+        is_over = False
+        while not is_over:
+            for work in (self.stop_wheels, self.attend, self.cancel_docking):
+                self.attempt(work)
+            time.sleep(PERIOD)
+            is_over = self.attempt(lambda: not self.may_move(began))
 
     def may_move(self, since: float) -> bool:
         """Whether a goal of ours may run, or the robot is not at rest."""
         now = time.monotonic()
-        if self.goals or self.is_docking:
-            return now - max(since, self.last_sign) < FORGOTTEN_AFTER
-        if now - self.measured_at > MEASURED_WITHIN:
+        measured_at = self.standstill.measured_at
+        if self.goals or self.docking.is_active:
+            return now - max(since, measured_at) < FORGOTTEN_AFTER
+        if now - measured_at > MEASURED_WITHIN:
             return now - since < MEASURED_WITHIN
-        return now - self.still_since < STILL_FOR
+        return not self.standstill.is_proved
 
     def stop_wheels(self) -> None:
-        """Publish a zero velocity, also before the agent has said of which type."""
+        """Publish a zero velocity. Before the agent has advertised any, the type is the one that
+        graph.chosen_stamped would choose: of two, Twist.
+        """
         topic = self.settings["driving"]
         if topic not in self.publishers:
             kinds = {each.topic_type for each in self.subscribers_of(topic)}
             for kind in ("geometry_msgs/Twist", "geometry_msgs/TwistStamped"):
                 if kind.replace("/", "/msg/") in kinds:
                     self.do_advertise(topic, kind, drives=True)
+                    break
         if topic in self.publishers:
             self.publishers[topic].publish(self.stamped(self.kinds[topic]()))
 
@@ -752,15 +646,12 @@ class Ros2Node:
         return message
 
     def look_after(self, now: float) -> None:
-        if self.driven is not None and now - self.driven > SILENCE:
+        if self.driven is not None and now - self.driven > guarded.SILENCE:
             self.driven = None
             self.stop_wheels()
-        topic = self.settings["driving"]
-        publisher = self.publishers.get(topic)
-        counted = (topic, publisher.get_subscription_count() if publisher is not None else 0)
-        if counted != self.counted:
-            self.counted = counted
-            self.say(op="listeners", topic=counted[0], count=counted[1])
+        self.report_listeners(self.settings["driving"], self.subscriber_count())
+        if self.docking.is_left:
+            self.cancel_docking()
         self.attend()
 
     def attend(self) -> None:
@@ -783,7 +674,7 @@ class Ros2Node:
 
     def check_subscribers(self, topic: str) -> None:
         """Report a subscriber whose quality of service keeps it from receiving our messages."""
-        own = self.own(self.ros.get_publishers_info_by_topic(topic))
+        own = self.publishers_of(topic, own=True)
         for each in self.subscribers_of(topic) if own else ():
             fits, why = self.qos.qos_check_compatible(own[0].qos_profile, each.qos_profile)
             if fits == self.qos.QoSCompatibility.ERROR:
@@ -805,33 +696,24 @@ class Ros2Node:
 
 def main() -> int:
     """Connect to the agent: arguments are its port and the settings, the password is on stdin."""
-    connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5.0)
-    connection.settimeout(None)
-    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    connection.sendall(sys.stdin.readline().encode())
-    if hasattr(signal, "alarm"):
-        signal.alarm(STARTED_WITHIN)
+    connection = guarded.connect()
+    alarm: Any = getattr(signal, "alarm", lambda _: None)  # not on Windows
+    alarm(STARTED_WITHIN)
     try:
         node = Ros2Node(connection, json.loads(sys.argv[2]))
     except ImportError as error:
-        return refuse(
+        return guarded.refuse(
             connection,
             f"rclpy is not installed for {sys.executable} ({error}): source a ROS 2 installation,"
             " set python to the interpreter that has it, or install the extra ros2",
         )
-    except MissingTypeError as error:
-        return refuse(connection, str(error))
+    except guarded.MissingTypeError as error:
+        return guarded.refuse(connection, str(error))
     except RuntimeError as error:  # rclpy's RCLError
-        return refuse(connection, f"ROS 2 cannot be started with {sys.executable}: {error}")
-    if hasattr(signal, "alarm"):
-        signal.alarm(0)
+        return guarded.refuse(connection, f"ROS 2 cannot be started with {sys.executable}: {error}")
+    alarm(0)
     node.run()
     return 0
-
-
-def refuse(connection: Any, reason: str) -> int:
-    connection.sendall((json.dumps({"op": "lost", "reason": reason}) + "\n").encode())
-    return 1
 
 
 if __name__ == "__main__":

@@ -26,7 +26,14 @@ from robots.agent.adapters.common.robot_profile import load_profile, settings_of
 from robots.agent.adapters.common.send_slots import SendSlots
 from robots.agent.adapters.common.sockets import make_prompt
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
-from robots.agent.adapters.ros.bus import Goals, Handler
+from robots.agent.adapters.ros.bus import (
+    ANSWER_TIME,
+    Goals,
+    Handler,
+    Subscription,
+    UnansweredError,
+    result_of,
+)
 from robots.agent.adapters.ros.graph import Graph, TopicPeers
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
 from robots.api.messages import ActionState
@@ -37,15 +44,14 @@ try:
 except ImportError as error:
     raise ImportError("it needs websockets: pip install 'websockets>=13'") from error
 
-ANSWER_TIME = 10.0
 ROSAPI_TIME = 2.0
 REFUSED = 2.0  # seconds after which what rosbridge refused is tried again
 # internal/topics.py, TypeConflictException
 ESTABLISHED = re.compile(r"established with type (\S+)")
 CLOSING = 1.0
-LARGEST = 16 << 20  # bytes of a message: maps and clouds that nobody asked for are larger
+LARGEST = 16 << 20  # bytes of a message; larger ones are maps and clouds
 PING = 2.0  # seconds between pings, and until one counts as lost
-PROBE_PERIOD = 0.1  # seconds between two probes until the first comes back
+PROBE_PERIOD = 0.1  # seconds between two probes until the first returns
 BLOCKED = 1.0  # seconds of a goal or a service call, after which rosbridge's queue is blocked
 CANCEL_TIME = 1.0
 CANCEL_AGAIN = 0.5
@@ -93,7 +99,7 @@ class RosbridgeBus:
 
     rosbridge_server puts each message of a client into a queue that a thread works off in order
     (websocket_handler.py, IncomingQueue), while Tornado's loop answers the WebSocket's pings. So
-    the probe is a message on a topic of its own that comes back through the same queue and through
+    the probe is a message on a topic of its own that returns through the same queue and through
     ROS.
 
     rosbridge gives a goal its id and cancels none of another client (send_action_goal.py), so goals
@@ -106,7 +112,6 @@ class RosbridgeBus:
     guards = False
     connect_time: float | None = None
     problems: tuple[str, ...] = ()
-    forgotten: tuple[str, ...] = ()  # rosbridge reports no nodes
 
     def __init__(self, url: str, version: int, navigate: str = "") -> None:
         self.version, self.place = version, f"rosbridge at {url}"
@@ -135,11 +140,6 @@ class RosbridgeBus:
         self._refused: dict[str, tuple[int, str]] = {}
 
     async def open(self, lost: Callable[[str], None], goals: Goals) -> None:
-        """Connect.
-
-        Raises:
-            AdapterError: nobody is there, or it is no rosbridge.
-        """
         self._goals, self._lost = goals, lost
         self._outgoing.clear()
         self._handlers.clear()
@@ -164,16 +164,16 @@ class RosbridgeBus:
             await self._open_navigation()
         await self._open_probe()
 
-    def guard(self, settings: dict[str, Any]) -> None:
+    def tell_guard(self, **message: Any) -> None:
         """Do nothing: nothing runs on the robot's side."""
 
     async def _open_probe(self) -> None:
-        """Wait until a probe comes back: ROS loses what is published before both ends have met."""
+        """Wait until a probe returns: ROS loses what is published before both ends connect."""
         self._probe_topic = f"/telepresence_probe/p{secrets.token_hex(4)}"
         self._probe_sent = self._probe_came = 0
         kind = "std_msgs/UInt32"
         self.advertise(self._probe_topic, kind)
-        self.subscribe(self._probe_topic, kind, self._take_probe)
+        self.subscribe(Subscription(self._probe_topic, kind, self._take_probe))
         while self._probe_came == 0:
             self._probe()
             with contextlib.suppress(TimeoutError):
@@ -195,11 +195,7 @@ class RosbridgeBus:
             await self._probe_event.wait()
 
     async def ask(self) -> None:
-        """Wait until a probe has come back through rosbridge's queue.
-
-        Raises:
-            AdapterError: the connection is lost.
-        """
+        """Wait until a probe has returned through rosbridge's queue."""
         if self._socket is None:
             raise AdapterError(f"the connection to {self.place} is lost")
         await self._wait_for_probe(self._probe())
@@ -220,7 +216,6 @@ class RosbridgeBus:
             pass  # its reader has reported it
 
     def cut(self) -> None:
-        """Reset the connection."""
         if self._socket is not None:
             self._socket.transport.abort()
 
@@ -302,33 +297,29 @@ class RosbridgeBus:
         self._sent.discard(name)
         self._idle_since.pop(name, None)
 
-    def subscribe(
-        self,
-        topic: str,
-        kind: str,
-        handler: Handler,
-        *,
-        latched: bool = False,
-        either: bool = False,
-        sensor: bool = False,
-        period: float = 0.0,
-    ) -> None:
-        """Subscribe to a topic; of messages that wait only the newest is kept."""
-        del latched, either, sensor  # rosbridge takes the publisher's quality of service
-        self._handlers[topic] = handler
-        entry = {
-            "op": "subscribe",
-            "id": f"s{next(self._ids)}",
-            "topic": topic,
-            "type": self._type(kind),
-            "queue_length": 1,
-        }
-        self._outgoing.say(entry | {"throttle_rate": round(period * 1000)})
+    def subscribe(self, subscription: Subscription) -> None:
+        """Subscribe to a topic, with the publisher's quality of service; of messages that wait only
+        the newest is kept.
+        """
+        self._handlers[subscription.topic] = subscription.handler
+        self._outgoing.say(
+            {
+                "op": "subscribe",
+                "id": f"s{next(self._ids)}",
+                "topic": subscription.topic,
+                "type": self._type(subscription.kind),
+                "queue_length": 1,
+                "throttle_rate": round(subscription.period * 1000),
+            }
+        )
 
     def advertise(
         self, topic: str, kind: str, *, drives: bool = False, latch: bool = False
     ) -> None:
         """Advertise a topic; of velocities rosbridge keeps only the newest."""
+        former = self._advertised.pop(topic, None)
+        if former is not None:
+            self._outgoing.say({"op": "unadvertise", "id": former["id"], "topic": topic})
         entry = {
             "op": "advertise",
             "id": f"a{next(self._ids)}",
@@ -338,12 +329,6 @@ class RosbridgeBus:
         }
         self._advertised[topic] = entry | ({"queue_size": 1} if drives else {})
         self._say_advertised(self._advertised[topic])
-
-    def unadvertise(self, topic: str) -> None:
-        """Say that nothing more will be published."""
-        entry = self._advertised.pop(topic, None)
-        if entry is not None:
-            self._outgoing.say({"op": "unadvertise", "id": entry["id"], "topic": topic})
 
     def _advertise_again(self, entry: dict[str, Any]) -> None:
         """Try again what was refused: rosbridge keeps a publisher, and its type, for ten seconds
@@ -360,9 +345,7 @@ class RosbridgeBus:
             )
 
     def _accept_refusal(self, topic: str, refusal: tuple[int, str]) -> None:
-        """Take it that nothing is refused any more: rosbridge has not complained again, and says
-        nothing else.
-        """
+        """End a refusal that rosbridge has not repeated: it reports nothing else."""
         if self._refused.get(topic) == refusal:
             del self._refused[topic]
 
@@ -384,14 +367,13 @@ class RosbridgeBus:
         return known.listeners if known is not None else None
 
     async def graph(self, driving: str, heard: Iterable[str]) -> Graph | None:
-        """Ask rosapi."""
         try:
             listening = await self._values("/rosapi/subscribers", {"topic": driving}, ROSAPI_TIME)
             speaking = {
                 topic: await self._values("/rosapi/publishers", {"topic": topic}, ROSAPI_TIME)
                 for topic in heard
             }
-            # last: whoever has just come has a type
+            # last: a new node has a type
             values = await self._values("/rosapi/topics", {}, ROSAPI_TIME)
             found = {
                 str(topic): TopicPeers(frozenset({_short(kind)}))
@@ -404,37 +386,30 @@ class RosbridgeBus:
             found[driving] = TopicPeers(kinds, listeners=len(listening["subscribers"]))
         except (AdapterError, KeyError, TypeError):
             found = {}
-        if driving in self._refused:  # the only way to hear of it without rosapi
+        if driving in self._refused:  # without rosapi, the refusal is the only sign of it
             there = self._refused[driving][1]
             found[driving] = TopicPeers(frozenset({there} if there else ()), listeners=1)
         self._graph = found or None
         return self._graph
 
     def publish(self, topic: str, message: dict[str, Any], *, newest: bool = False) -> None:
-        """Send a message.
-
-        Raises:
-            AdapterError: the connection takes none.
-        """
-        letter = {"op": "publish", "topic": topic, "msg": message}
+        entry = {"op": "publish", "topic": topic, "msg": message}
         if newest:
-            self._outgoing.drive(letter)
+            self._outgoing.drive(entry)
         else:
-            self._outgoing.say(letter)
+            self._outgoing.say(entry)
 
     async def call(
-        self, service: str, kind: str, arguments: dict[str, Any] | None = None
+        self,
+        service: str,
+        kind: str,
+        arguments: dict[str, Any] | None = None,
+        *,
+        within: float = ANSWER_TIME,
     ) -> tuple[bool, str]:
-        """Call a service.
-
-        Raises:
-            ActionRefusedError: it does not exist.
-            AdapterError: no answer, or an error.
-        """
-        answering = asyncio.ensure_future(self._values(service, arguments or {}, ANSWER_TIME, kind))
+        answering = asyncio.ensure_future(self._values(service, arguments or {}, within, kind))
         self._watch_queue(f"the service {service}: set call_services_in_new_thread to true")
-        values = await answering
-        return bool(values.get("success")), str(values.get("message", ""))
+        return result_of(service, await answering, problem="", is_absent=False)
 
     async def _values(
         self, service: str, arguments: dict[str, Any], within: float, kind: str = ""
@@ -447,14 +422,14 @@ class RosbridgeBus:
             async with asyncio.timeout(within):
                 response = await answer
         except TimeoutError as error:
-            raise AdapterError(f"{service} does not answer") from error
+            raise UnansweredError(f"{service} does not answer") from error
         finally:
             self._calls.pop(number, None)
         values = response.get("values")
         if response.get("result") is False or not isinstance(values, dict):
-            # internal/services.py, InvalidServiceException
+            # internal/services.py, InvalidServiceException; another failure may be its own time-out
             is_absent = isinstance(values, str) and "does not exist" in values
-            kind_of_error = ActionRefusedError if is_absent else AdapterError
+            kind_of_error = ActionRefusedError if is_absent else UnansweredError
             raise kind_of_error(f"{service} cannot be called: {values}")
         return values
 
@@ -466,7 +441,7 @@ class RosbridgeBus:
         self._active = frozenset()
         self._leftovers = False
         topic, kind = f"{self._navigate}/_action/status", "action_msgs/GoalStatusArray"
-        self.subscribe(topic, kind, self._take_status, latched=True)
+        self.subscribe(Subscription(topic, kind, self._take_status, latched=True))
         self._leftovers = True
         with contextlib.suppress(AdapterError):
             self._leftovers = await self._cancel_all()
@@ -521,7 +496,6 @@ class RosbridgeBus:
 
         Raises:
             ActionRefusedError: an earlier one has not ended.
-            AdapterError: the connection takes no message.
         """
         if self._leftovers:
             raise ActionRefusedError("navigation has not ended an earlier goal")

@@ -1,5 +1,5 @@
 """A camera whose pictures the control architecture publishes as JPEG or PNG: see
-contract.VideoSource.
+robot_interface.VideoSource.
 """
 
 import time
@@ -17,9 +17,7 @@ CODECS = {b"\xff\xd8": "mjpeg", b"\x89P": "png"}
 
 
 class TopicCamera:
-    """The adapter's loop says `take`, the media side's thread reads; of pictures that nobody
-    fetched the newest counts.
-    """
+    """The adapter's loop calls `take`, the media side's thread `read`, for the newest image."""
 
     def __init__(self, topic: str) -> None:
         self._topic = topic
@@ -47,7 +45,7 @@ class TopicCamera:
         """Block for the next picture, at most `timeout` seconds; None when there was none.
 
         Raises:
-            AdapterError: what is published is no picture, or nothing is published.
+            AdapterError: the images are malformed, or none is published.
         """
         newest = self._newest.take(timeout)
         if newest is None:

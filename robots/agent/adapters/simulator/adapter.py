@@ -25,10 +25,11 @@ import structlog
 
 from robots.agent import framing
 from robots.agent.adapters.common.progress_queue import ProgressQueue
+from robots.agent.adapters.common.remote_adapter import check_tilt
 from robots.agent.adapters.common.robot_profile import nearest
 from robots.agent.adapters.simulator.child import end, launch
 from robots.agent.adapters.simulator.media import SimulatorCamera, SimulatorMicrophone
-from robots.agent.ramp import ZERO
+from robots.agent.ramp import ZERO, caps
 from robots.agent.robot_interface import (
     NOWHERE,
     ActionProgress,
@@ -47,6 +48,7 @@ from robots.agent.simulator.physics.simulation import StartError, start_pose
 from robots.api.floorplan import FloorPlan
 from robots.api.geometry import Pose2D
 from robots.api.messages import Action, Battery, Capability, Config, Laser, Scan, Tilt, Velocity
+from robots.logs import reason_of
 from robots.world.robot_models import RobotModel, UnknownProfileError, model_of
 from robots.world.sites import SiteError, load_plan
 
@@ -85,11 +87,7 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
-    """Return an adapter for a simulated robot; nothing is started yet.
-
-    Raises:
-        AdapterError: no such profile, plan or option, in one sentence.
-    """
+    """Return an adapter, nothing started; AdapterError for a wrong profile, plan or option."""
     unknown = sorted(set(options) - set(OPTIONS))
     if unknown:
         raise AdapterError(
@@ -120,12 +118,7 @@ def create(profile_name: str, options: Mapping[str, Any]) -> "SimulatorAdapter":
 
 
 def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Pose2D | None:
-    """Return where a robot of ours begins: whoever puts a robot somewhere knows. One at an address
-    may be anywhere by now.
-
-    Raises:
-        AdapterError: nothing can stand there, in one sentence.
-    """
+    """Return where our own robot begins; one at an address may be anywhere. Raises AdapterError."""
     try:
         return (
             None
@@ -137,9 +130,7 @@ def _start(plan: FloorPlan, model: RobotModel, options: Mapping[str, Any]) -> Po
 
 
 def profile_of(model: RobotModel, map_id: str, *, has_camera: bool = True) -> Profile:
-    """Return a simulated robot's share of the factsheet: it has a laser and wheels that count, and
-    does not know where it is.
-    """
+    """Return the factsheet of a simulated robot, which has a laser but no localization."""
     capabilities: list[Capability] = ["velocity", "scan", "audio", "doors"]
     capabilities += ["video"] if has_camera else []
     capabilities += ["tilt"] if model.tilt else []
@@ -232,11 +223,7 @@ class SimulatorAdapter:
         return "" if self._address is None else f"{self._address[0]}:{self._address[1]}"
 
     async def connect(self) -> None:
-        """Start the simulator, or find the one that still runs, and say hello.
-
-        Raises:
-            AdapterError: it does not start, does not answer, or is another robot.
-        """
+        """Start the simulator or find the running one; raises AdapterError when it is another."""
         await self._drop("reconnecting")
         self._address = await self._find()
         try:
@@ -266,8 +253,7 @@ class SimulatorAdapter:
                 welcome = await wire.read_answer(reader)
         except (OSError, TimeoutError, asyncio.IncompleteReadError, framing.WireError) as error:
             raise AdapterError(
-                f"the simulator at {self.address} does not answer: "
-                f"{str(error) or type(error).__name__}"
+                f"the simulator at {self.address} does not answer: {reason_of(error)}"
             ) from error
         if not isinstance(welcome, wire.SimulatorWelcome) or welcome.series != self.profile.series:
             writer.close()
@@ -278,19 +264,15 @@ class SimulatorAdapter:
         return reader, writer
 
     def apply(self, velocity: Velocity) -> Velocity:
-        """Send a velocity within the base's limits; return the one that was last sent.
+        """Send a velocity within the base's limits; return the last one sent.
 
-        A simulator that hangs executes what is in its socket when it goes on. So each state permits
-        one velocity that moves, and when states stop coming, a zero follows.
+        A simulator that hangs executes its socket's content when it goes on. So each state permits
+        one velocity that moves, and when states stop arriving, a zero follows.
 
         Raises:
             AdapterError: the simulator is gone, or does not read any more.
         """
-        limits = self.profile.limits
-        wanted = Velocity(
-            linear=min(max(velocity.linear, -limits.reverse), limits.linear),
-            angular=min(max(velocity.angular, -limits.angular), limits.angular),
-        )
+        wanted = caps(self.profile.limits, None).clamp(velocity)
         if time.monotonic() - self._truth_at > FRESH:
             wanted = ZERO
         if wanted == ZERO or self._may_move:
@@ -307,15 +289,11 @@ class SimulatorAdapter:
             ActionRefusedError: this robot cannot do that, or not so far.
             AdapterError: the simulator is gone.
         """
-        if not isinstance(action, Tilt) or self.profile.tilt is None:
+        if not isinstance(action, Tilt):
             raise ActionRefusedError(
                 f"{self.profile.series} does not support {type(action).__name__.lower()}"
             )
-        low, high = self.profile.tilt.minimum, self.profile.tilt.maximum
-        if not low <= action.angle <= high:
-            raise ActionRefusedError(
-                f"the head can tilt from {low:g} to {high:g} rad, not to {action.angle:g}"
-            )
+        check_tilt(self.profile, action)
         self._say(wire.TiltTo(action.angle))
         self._end_tilt("CANCELLED", "replaced")
         self._tilting = _Tilting(action.action_id, action.angle, time.monotonic() + LONGEST_TILT)
@@ -350,28 +328,23 @@ class SimulatorAdapter:
                 raise AdapterError("the simulator has stopped sending data") from error
 
     async def progress(self) -> AsyncIterator[ActionProgress]:
-        """Yield how far tilting is."""
         while True:
             yield await self._progress.get()
 
     def video(self) -> VideoSource | None:
-        """Return the camera; always the same one."""
         if self.profile.camera is None:
             return None
         self._camera = self._camera or SimulatorCamera(lambda: self._address)
         return self._camera
 
     def audio(self) -> AudioSource | None:
-        """Return the microphone; always the same one."""
         self._microphone = self._microphone or SimulatorMicrophone(lambda: self._address)
         return self._microphone
 
     def speaker(self) -> MeasuringSpeaker:
-        """Return the loudspeaker, which only measures."""
         return self._speaker
 
     def display(self) -> MeasuringDisplay:
-        """Return the display, which only measures."""
         return self._display
 
     def configure(self, config: Any) -> None:
@@ -449,7 +422,7 @@ class SimulatorAdapter:
             async for body in framing.bodies(reader):
                 self._take(wire.unpack_answer(body))
         except (OSError, asyncio.IncompleteReadError, framing.WireError) as error:
-            self._failure = f"the simulator is gone: {str(error) or type(error).__name__}"
+            self._failure = f"the simulator is gone: {reason_of(error)}"
             log.warning("simulator_lost", extra={"reason": str(error)})
         finally:
             self._news.set()

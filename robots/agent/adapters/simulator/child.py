@@ -3,16 +3,14 @@ behind.
 """
 
 import json
-import os
 import subprocess
-import sys
 import threading
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import structlog
 
+from robots.agent.adapters.common.child_process import start_module
 from robots.agent.robot_interface import AdapterError
 
 START_TIME = 20.0
@@ -23,21 +21,9 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[bytes], str]:
-    """Start a simulator and wait for its address; blocks.
-
-    Raises:
-        AdapterError: it did not start; its own sentence stands on standard error.
-    """
-    command = [
-        sys.executable,
-        "-m",
-        "robots.agent.simulator",
-        "--profile",
-        series,
-        "--tied",
-        "--linger",
-        str(options.get("linger", LINGER)),
-    ]
+    """Start a simulator and wait for its address; blocks. Raises AdapterError."""
+    linger = str(options.get("linger", LINGER))
+    command = ["robots.agent.simulator", "--profile", series, "--tied", "--linger", linger]
     command += [
         f"--{name}={options[name]}"
         for name in ("plan", "seed", "start", "charge", "people", "door-changes", "fps")
@@ -47,20 +33,7 @@ def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[by
         command.append("--no-camera")
     if "sonar" in str(options.get("sensors", "")):
         command.append("--sonar")
-    # Out of the terminal's process group: on Ctrl-C the agent brakes and ends it, in this order.
-    # One thread for linear algebra: its matrices are small, and its idle threads would spin beside
-    # the agent.
-    environment = {**os.environ, "OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-    flags = getattr(subprocess, "CREATE_NEW_PROCESS_GROUP", 0)
-    child = subprocess.Popen(
-        command,
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        start_new_session=True,
-        creationflags=flags,
-        cwd=_root(),
-        env=environment,
-    )
+    child = start_module(*command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
     stuck = threading.Timer(START_TIME, child.kill)
     stuck.start()
     try:
@@ -71,11 +44,6 @@ def launch(series: str, options: Mapping[str, Any]) -> tuple[subprocess.Popen[by
         child.kill()
         raise AdapterError(f"the simulator did not start: exit status {child.wait()}")
     return child, str(json.loads(line)["address"])
-
-
-def _root() -> str:
-    """Return the folder from which `robots` is imported, so that a child finds it from anywhere."""
-    return str(Path(__file__).resolve().parents[4])
 
 
 def end(child: subprocess.Popen[bytes]) -> None:

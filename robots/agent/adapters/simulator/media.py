@@ -1,8 +1,8 @@
 """Camera and microphone of the simulated robot, each on a blocking connection of its own, read by
 the media side's threads.
 
-Neither touches the control loop: a picture crosses over in shared memory, and only its number comes
-through the socket.
+Neither touches the control loop: a frame crosses in shared memory, only its number through the
+socket.
 """
 
 import contextlib
@@ -31,11 +31,7 @@ class MediaSocket:
     """A connection in one role; reads whole messages with a time-out."""
 
     def __init__(self, address: Address, role: wire.Role) -> None:
-        """Connect and say hello.
-
-        Raises:
-            OSError: nobody is there.
-        """
+        """Connect and send the role; raises OSError."""
         self._socket = socket.create_connection(address, timeout=CONNECT_TIME)
         self._socket.sendall(framing.pack(wire.SimulatorHello(role)))
         self._buffer = bytearray()
@@ -70,9 +66,7 @@ class MediaSocket:
 
 
 class _Source:
-    """What camera and microphone share: connect when read, hang up when stopped, one thread at a
-    time.
-    """
+    """Shared by camera and microphone: connect on read, disconnect on stop, one thread."""
 
     role: wire.Role
 
@@ -87,7 +81,7 @@ class _Source:
         self._running.set()
 
     def stop(self) -> None:
-        """Stop capturing; the simulator rests when nobody watches."""
+        """Stop capturing; without viewers the simulator draws nothing."""
         self._running.clear()
         with self._lock:
             self._hang_up()
@@ -98,13 +92,9 @@ class _Source:
             line.close()
 
     def _next(self, timeout: float) -> Any:
-        """Return the next message, None after `timeout`; the caller holds the lock.
-
-        Raises:
-            AdapterError: the simulator is gone.
-        """
+        """Return the next message, None after `timeout`, holding the lock; raises AdapterError."""
         address = self._where()
-        if address is None:  # the simulator is being started: nothing is wrong with the source
+        if address is None:  # the simulator is being started: the source is not at fault
             time.sleep(max(timeout, 0.0))
             return None
         try:
@@ -122,7 +112,7 @@ class _Source:
 
 
 class SimulatorCamera(_Source):
-    """See contract.VideoSource."""
+    """See robot_interface.VideoSource."""
 
     role: wire.Role = "camera"
 
@@ -131,11 +121,7 @@ class SimulatorCamera(_Source):
         self._ring: FrameReader | None = None
 
     def read(self, timeout: float) -> Frame | None:
-        """Return the newest picture that was not read before.
-
-        Raises:
-            AdapterError: the camera is gone; the next read tries again.
-        """
+        """Return the newest unread frame; raises AdapterError, and tries again on the next read."""
         if not self._running.wait(timeout):
             return None
         with self._lock:
@@ -179,7 +165,7 @@ class SimulatorCamera(_Source):
 
 
 class SimulatorMicrophone(_Source):
-    """See contract.AudioSource."""
+    """See robot_interface.AudioSource."""
 
     role: wire.Role = "microphone"
 

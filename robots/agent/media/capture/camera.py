@@ -7,7 +7,7 @@ import threading
 import time
 from collections.abc import Callable, Sequence
 
-from robots.agent.media.capture.capture import Capture, CaptureState
+from robots.agent.media.capture.capture import Capture
 from robots.agent.media.codecs.encoder import LAYERS, Picture, PictureEncoder, Tier, is_due
 from robots.agent.media.codecs.key_frames import KeyFrames, Reason
 from robots.agent.media.rtp import RtpClock
@@ -45,15 +45,11 @@ class _Layer:
         self.last_stamp = None
 
 
-class CameraFeed:
-    """Reads, encodes and delivers pictures while there are viewers: once for all who watch the same
-    rung of the ladder.
+class CameraFeed(Capture):
+    """Reads and encodes frames while there are viewers, once for all of a layer, the best first.
 
-    Args:
-        source: the camera.
-        clock: gives pictures their RTP timestamps, the same on every rung.
-        deliver: called in the camera's thread with every encoded picture.
-        ladder: the qualities, the best first.
+    `clock` gives frames RTP timestamps, the same in every layer; `deliver` is called in the
+    camera's thread with every encoded frame.
     """
 
     def __init__(
@@ -63,48 +59,31 @@ class CameraFeed:
         deliver: Callable[[Picture], None],
         layers: Sequence[Tier] = LAYERS,
     ) -> None:
-        self._source = source
+        super().__init__("camera", source, self._restart, self._read_frame)
+        self._camera = source
         self._clock = clock
         self._deliver = deliver
         self._layers = [_Layer(PictureEncoder(tier, number)) for number, tier in enumerate(layers)]
         self._frame: Frame | None = None
         self._frame_came = threading.Condition()
-        self._capture = Capture("camera", source, self._begin, self._step)
 
     @property
     def rates(self) -> tuple[int, ...]:
-        """Return the bit/s of the rungs, the best first."""
+        """Return the bit/s of the layers, the best first."""
         return tuple(layer.encoder.tier.bitrate for layer in self._layers)
 
-    @property
-    def state(self) -> CaptureState:
-        """Return how the camera is."""
-        return self._capture.state
-
-    def start(self) -> None:
-        """Start the camera's thread; the camera itself starts with the first viewer."""
-        self._capture.start()
-
-    def close(self) -> None:
-        """Stop the camera and its thread."""
-        self._capture.close()
-
     def watch(self, number: int, layer: int = 0) -> None:
-        """Say that `number` more viewers watch a rung, fewer when negative."""
         self._layers[layer].viewers += number
-        self._capture.want(number)
+        self.want(number)
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
-        """Ask for a key frame."""
         self._layers[layer].ask(reason)
 
     def snapshot(self) -> Frame | None:
-        """Return the next frame of the camera, started for it if need be; None when none came in 3
-        s, 12 while it starts. Blocks meanwhile.
-        """
+        """Return the next frame; None after 3 s, or 12 s for a camera that starts. Blocks."""
         with self._frame_came:
             before = self._frame
-            self._capture.want(1)
+            self.want(1)
             began = time.monotonic()
             try:
                 while not (
@@ -117,15 +96,15 @@ class CameraFeed:
                     ):
                         break
             finally:
-                self._capture.want(-1)
+                self.want(-1)
             return self._frame if came else None
 
-    def _begin(self) -> None:
+    def _restart(self) -> None:
         for layer in self._layers:
             layer.restart()
 
-    def _step(self, timeout: float) -> bool:
-        frame = self._source.read(timeout)
+    def _read_frame(self, timeout: float) -> bool:
+        frame = self._camera.read(timeout)
         if frame is None:
             return False
         with self._frame_came:
@@ -135,8 +114,8 @@ class CameraFeed:
             raise ValueError(f"stamp {frame.stamp} is not a time")
         ticks = self._clock.tick(frame.stamp)
         now = time.monotonic()
-        # Who waits for a key frame to change over is given it before the same picture of the old
-        # rung, which has the same time.
+        # A viewer that waits for a key frame to change layers gets it before the same frame of the
+        # old layer, which has the same time.
         for layer in sorted(self._layers, key=lambda layer: not layer.needs_key(now)):
             if layer.viewers > 0:
                 self._encode(layer, frame, ticks, now)

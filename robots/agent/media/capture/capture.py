@@ -1,9 +1,8 @@
-"""A camera or a microphone in a thread of its own: running while somebody wants it, tried again
-when it fails.
+"""A camera or a microphone in a thread of its own: started while in use, retried when it fails.
 
 Reading blocks and encoding takes milliseconds, so neither may happen on an event loop. A source
-that is gone leaves its viewers connected: they see the last picture and a reason, and the picture
-goes on when the source is back.
+that is gone leaves its viewers connected: they see the last frame and a reason, and the video goes
+on when the source is back.
 """
 
 import threading
@@ -55,7 +54,7 @@ class CaptureSource(Protocol):
 
 @dataclass(frozen=True)
 class CaptureState:
-    """How a source is: `idle` (nobody wants it), `starting`, `live`, or `failed`.
+    """How a source is: `idle` (not in use), `starting`, `live`, or `failed`.
 
     `reason` is why it failed, and why it did the last time while it starts again.
     """
@@ -65,17 +64,11 @@ class CaptureState:
 
 
 class Capture:
-    """Runs a source while it is wanted.
+    """Runs a source while it is wanted, in a thread of its own, in which `begin` and `step` may
+    raise any of FAILURES.
 
-    Args:
-        name: for the log and the thread.
-        source: the camera or microphone.
-        begin: called before each start, to open a fresh encoder.
-        step: reads once, at most the given seconds, and uses what it read; False when there was
-            nothing.
-        limits: how long it may take.
-
-    `begin` and `step` run in the capture's own thread and may raise any of FAILURES.
+    `begin` is called before each start, to open a fresh encoder; `step` reads once, at most the
+    given seconds, and uses the data; it returns False without any.
     """
 
     def __init__(
@@ -100,11 +93,10 @@ class Capture:
 
     @property
     def state(self) -> CaptureState:
-        """Return how the source is."""
         return self._state
 
     def start(self) -> None:
-        """Start the thread, or start it anew when it died of something that nobody foresaw."""
+        """Start the thread, again after an unexpected error."""
         if self._closing or (self._thread is not None and self._thread.is_alive()):
             return
         if self._thread is not None:
@@ -121,7 +113,7 @@ class Capture:
             self._thread.join(timeout)
 
     def want(self, number: int) -> None:
-        """Say that `number` more (or fewer, when negative) want the source."""
+        """Note that `number` more (or fewer, when negative) use the source."""
         with self._changed:
             self._wanted += number
             if self._wanted == 0:
@@ -153,14 +145,14 @@ class Capture:
 
     def _read_while_wanted(self) -> None:
         limits = self._limits
-        heard, patience = time.monotonic(), limits.opening
+        read_at, patience = time.monotonic(), limits.opening
         while not self._closing and (
             self._wanted > 0 or time.monotonic() - self._unwanted_since < limits.linger
         ):
             if self._step(limits.read):
-                heard, patience = time.monotonic(), limits.stall
+                read_at, patience = time.monotonic(), limits.stall
                 self._set_state("live")
-            elif time.monotonic() - heard > patience:
+            elif time.monotonic() - read_at > patience:
                 raise AdapterError(f"the {self._name} sent no data for {patience:g} s")
 
     def _stop_source(self) -> None:

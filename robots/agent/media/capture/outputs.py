@@ -1,15 +1,15 @@
-"""The robot's own loudspeaker and display: what the visitor sends, decoded in a thread of its own.
+"""The robot's own loudspeaker and display: the visitor's media, decoded in a thread of its own.
 
 Decoding takes milliseconds, and a loudspeaker may block: neither belongs on an event loop. What
-cannot be played in time is dropped, the rest of its pictures with it until the next key frame: late
-words are worthless, and a picture with holes is rubbish. A device that fails is let go of, and
-tried again while something comes for it, after a pause that grows.
+cannot be played in time is dropped, and video up to the next key frame with it. A device that fails
+is closed, and tried again after a growing pause while there is something to play.
 """
 
 import queue
 import threading
 import time
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import Any
 
 import av
@@ -35,34 +35,27 @@ FAILURES = (AdapterError, av.FFmpegError, OSError, ValueError)
 
 
 class OutputFeed:
-    """Plays sounds and shows pictures while they come. `hear` and `see` return at once; one thread
-    of the caller's.
-
-    Args:
-        speaker: where sound goes, or None.
-        display: where pictures go, or None.
-    """
+    """Plays sounds and shows frames as they arrive; `hear` and `see` of one thread never block."""
 
     def __init__(self, speaker: Speaker | None, display: Display | None) -> None:
         self.volume = 1.0
-        self._speaker, self._display = speaker, display
         self._waiting: queue.Queue[tuple[str, bytes] | None] = queue.Queue(DEPTH)
         self._whole = False  # the pictures in the queue begin with a key frame and have no hole
         self._thread: threading.Thread | None = None
         self._players: dict[str, _Player] = {}
+        if speaker is not None:
+            self._players["audio"] = _Player("libopus", speaker, partial(self._play, speaker))
+        if display is not None:
+            self._players["video"] = _Player("vp8", display, partial(_show, display))
         self.dropped = 0
 
     @property
     def errors(self) -> tuple[str, ...]:
-        """Return why loudspeaker and display did not work when they were last used, a sentence for
-        each that did not.
-        """
-        return tuple(player.failure for player in tuple(self._players.values()) if player.failure)
+        """Return why loudspeaker and display failed when last used, a sentence each."""
+        return tuple(player.failure for player in self._players.values() if player.failure)
 
     def start(self) -> None:
-        """Start the thread, or start it anew when it died of something that nobody foresaw;
-        loudspeaker and display start with the first thing for them.
-        """
+        """Start the thread, again after it died; devices start with the first thing for them."""
         if self._thread is None or not self._thread.is_alive():
             self._thread = threading.Thread(target=self._run, name="outputs", daemon=True)
             self._thread.start()
@@ -78,24 +71,21 @@ class OutputFeed:
 
     def hear(self, opus: bytes) -> None:
         """Play 20 ms of Opus."""
-        if self._speaker is not None:
+        if self.has_speaker:
             self._put(("audio", opus))
 
     @property
     def has_speaker(self) -> bool:
-        """Tell whether there is a loudspeaker."""
-        return self._speaker is not None
+        return "audio" in self._players
 
     def ring(self) -> None:
-        """Play the chime of somebody who knocks; dropped while others are speaking."""
-        if self._speaker is not None:
+        """Play the chime of a knock; dropped while others are speaking."""
+        if self.has_speaker:
             self._put(("ring", b""))
 
     def see(self, vp8: bytes, *, key: bool) -> bool:
-        """Show a VP8 picture; False when it cannot be shown and the next one must
-        be a key frame.
-        """
-        if self._display is None:
+        """Show a VP8 frame; False when it is dropped and a key frame must follow."""
+        if "video" not in self._players:
             return True
         self._whole = (self._whole or key) and self._put(("video", vp8))
         return self._whole
@@ -122,41 +112,24 @@ class OutputFeed:
                 return
             kind, data = what
             if kind == "ring":
-                self._player_of("audio").give([_audio_frame(chime())])
+                self._players["audio"].give([_audio_frame(chime())])
             else:
-                self._player_of(kind).play(data)
+                self._players[kind].play(data)
 
     def _rest(self) -> None:
         for player in self._players.values():
             player.rest()
 
-    def _player_of(self, kind: str) -> "_Player":
-        if kind not in self._players:
-            self._players[kind] = self._new_player(kind)
-        return self._players[kind]
+    def _play(self, speaker: Speaker, frame: av.AudioFrame) -> None:
+        speaker.play((_mono(frame) * self.volume).astype(np.int16))
 
-    def _new_player(self, kind: str) -> "_Player":
-        if kind == "audio":
-            assert self._speaker is not None
-            return _Player("libopus", self._speaker, self._play)
-        assert self._display is not None
-        return _Player("vp8", self._display, self._show)
 
-    def _play(self, frame: av.AudioFrame) -> None:
-        assert self._speaker is not None
-        samples = _mono(frame)
-        self._speaker.play((samples * self.volume).astype(np.int16))
-
-    def _show(self, frame: av.VideoFrame) -> None:
-        assert self._display is not None
-        image = frame.to_ndarray(format="rgb24").astype(np.uint8, copy=False)
-        self._display.show(image)
+def _show(display: Display, frame: av.VideoFrame) -> None:
+    display.show(frame.to_ndarray(format="rgb24").astype(np.uint8, copy=False))
 
 
 class _Player:
-    """A decoder and the device behind it, started for the first thing that comes. Nothing that they
-    raise leaves it.
-    """
+    """A decoder and its device, started on first use; nothing that they raise leaves it."""
 
     def __init__(self, codec: str, device: Speaker | Display, give: Callable[[Any], None]) -> None:
         self._decoder = _decoder(codec)
@@ -168,7 +141,7 @@ class _Player:
 
     def play(self, data: bytes) -> None:
         try:
-            # Decoded also while the device pauses: what comes after builds on it.
+            # Decoded also while the device pauses: later frames build on it.
             frames = self._decoder.decode(av.Packet(data))
         except FAILURES as error:
             log.warning(

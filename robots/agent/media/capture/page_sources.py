@@ -1,9 +1,8 @@
-"""Picture and sound that the page of the robot's own screen gives, in the place of a camera and a
-microphone of the agent's.
+"""Video and sound from the page of the robot's own screen, instead of the agent's own devices.
 
-The robot's computer then runs a browser anyway, and the browser knows its camera. What arrives is
-encoded, and leaves as it came: nothing is encoded again, and there is one quality. When a picture
-was taken is not told; its time is that of the fastest picture's arrival.
+The robot's computer then runs a browser anyway, and the browser knows its camera. Media arrive
+encoded and are forwarded unchanged, in one quality. The page sends no capture times: a frame's time
+is that of the fastest frame's arrival.
 """
 
 import threading
@@ -17,49 +16,35 @@ from robots.agent.devices.camera import picture_of
 from robots.agent.media.capture.capture import LIMITS, CaptureState
 from robots.agent.media.codecs.encoder import Picture
 from robots.agent.media.codecs.key_frames import KeyFrames, Reason
-from robots.agent.media.rtp import ROUND, STEP, VIDEO_RATE, Continuous, vp8_payloads
+from robots.agent.media.rtp import ROUND, STEP, VIDEO_RATE, Continuous, Kind, vp8_payloads
 from robots.agent.robot_interface import Frame
 
 # s, and how often a whole picture is asked for in that time
 SNAPSHOT_TIMEOUT, SNAPSHOT_ASKS = 3.0, 6
 # by which two clocks may differ; the fastest picture of long ago is forgotten as fast
 DRIFT = 0.001
-MISSING_VIDEO, MISSING_SOUND = (
-    "no page on the robot's screen provides video",
-    "no page on the robot's screen provides sound",
-)
-OPENING = 5.0  # s in which the page of the robot's screen begins to give what somebody wants
+MISSING_VIDEO = "no page on the robot's screen provides video"
+MISSING_SOUND = "no page on the robot's screen provides sound"
+OPENING = 5.0  # s in which the page of the robot's screen begins to send
 
 
-class PageCamera:
-    """Takes the place of camera.CameraFeed. On the media loop, but for `snapshot` and `state`.
-
-    Args:
-        ask: asks the page for a whole picture; from any thread.
-        deliver: called with each picture.
-    """
-
-    rates = (0,)
-
-    def __init__(self, ask: Callable[[], None], deliver: Callable[[Picture], None]) -> None:
-        self._ask, self._deliver = ask, deliver
-        self._keys = KeyFrames()
-        self._clock = Continuous(STEP["video"])
-        # when, and the Unix time of the clock's tick 0, by the fastest picture
-        self._ahead: tuple[float, float] | None = None
-        self._source = ""
-        self._viewers = 0
-        self._last_received_at = float("-inf")
-        self._wanted_since = float("-inf")
-        self._whole: bytes | None = None
-        self._whole_came = threading.Condition()
+class _PageSource:
+    def __init__(self, kind: Kind, missing: str) -> None:
+        self._clock = Continuous(STEP[kind])
+        self._missing = missing
+        self._users = 0
+        self._last_received_at = self._wanted_since = float("-inf")
 
     @property
     def state(self) -> CaptureState:
-        """Return how it is."""
-        return _state(
-            self._last_received_at, self._wanted_since if self._viewers > 0 else None, MISSING_VIDEO
-        )
+        now = time.monotonic()
+        if now - self._last_received_at < LIMITS.stall:
+            return CaptureState("live")
+        if self._users == 0:
+            return CaptureState("idle")
+        if now - self._wanted_since < OPENING:
+            return CaptureState("starting")
+        return CaptureState("failed", self._missing)
 
     def start(self) -> None:
         """Nothing to begin: the page gives what it gives."""
@@ -67,18 +52,35 @@ class PageCamera:
     def close(self) -> None:
         """Nothing to end."""
 
-    def watch(self, number: int, layer: int = 0) -> None:
-        """Note that `number` more watch, fewer when negative."""
-        if self._viewers == 0:
+    def want(self, number: int) -> None:
+        if self._users == 0:
             self._wanted_since = time.monotonic()
-        self._viewers += number
+        self._users += number
+
+
+class PageCamera(_PageSource):
+    """Takes the place of camera.CameraFeed. On the media loop, but for `snapshot` and `state`.
+    `ask` asks the page for a key frame, from any thread.
+    """
+
+    rates = (0,)
+
+    def __init__(self, ask: Callable[[], None], deliver: Callable[[Picture], None]) -> None:
+        super().__init__("video", MISSING_VIDEO)
+        self._ask, self._deliver = ask, deliver
+        self._keys = KeyFrames()
+        # when, and the Unix time of the clock's tick 0, by the fastest picture
+        self._ahead: tuple[float, float] | None = None
+        self._source = ""
+        self._whole: bytes | None = None
+        self._whole_came = threading.Condition()
+
+    def watch(self, number: int, layer: int = 0) -> None:
+        self.want(number)
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         """Ask the page for a key frame, not too often."""
-        self._keys.ask(reason)
-        now = time.monotonic()
-        if self._keys.is_due(now):
-            self._keys.made(now)
+        if self._keys.ask_now(reason, time.monotonic()):
             self._ask()
 
     def take(self, source: str, data: bytes, ticks: int) -> None:
@@ -96,7 +98,7 @@ class PageCamera:
         self._deliver(Picture(vp8_payloads(data), key, at % ROUND, self._stamp(at / VIDEO_RATE)))
 
     def snapshot(self) -> Frame | None:
-        """Return the next whole picture; None when none came in 3 s. Blocks meanwhile."""
+        """Return the next key frame; None after 3 s. Blocks."""
         with self._whole_came:
             self._whole = None
             for _ in range(SNAPSHOT_ASKS):
@@ -124,58 +126,16 @@ class PageCamera:
         return ahead + seconds
 
 
-class PageMicrophone:
-    """Takes the place of microphone.MicrophoneFeed.
-
-    Args:
-        deliver: called with (payload, RTP ticks) of every 20 ms.
-    """
+class PageMicrophone(_PageSource):
+    """Takes the place of sound.MicrophoneFeed; `deliver` gets (payload, RTP ticks) each 20 ms."""
 
     def __init__(self, deliver: Callable[[bytes, int], None]) -> None:
+        super().__init__("audio", MISSING_SOUND)
         self._deliver = deliver
-        self._clock = Continuous(STEP["audio"])
-        self._listeners = 0
-        self._last_received_at = float("-inf")
-        self._wanted_since = float("-inf")
 
-    @property
-    def state(self) -> CaptureState:
-        """Return how it is."""
-        return _state(
-            self._last_received_at,
-            self._wanted_since if self._listeners > 0 else None,
-            MISSING_SOUND,
-        )
-
-    def start(self) -> None:
-        """Nothing to begin: the page gives what it gives."""
-
-    def close(self) -> None:
-        """Nothing to end."""
-
-    def listen(self, number: int) -> None:
-        """Note that `number` more listen, fewer when negative."""
-        if self._listeners == 0:
-            self._wanted_since = time.monotonic()
-        self._listeners += number
+    listen = _PageSource.want
 
     def take(self, source: str, data: bytes, ticks: int) -> None:
         """Take an encoded sound of a connection; `ticks` are its own."""
         self._last_received_at = time.monotonic()
         self._deliver(data, self._clock.tick(source, ticks))
-
-
-def _state(last_received_at: float, wanted_since: float | None, missing: str) -> CaptureState:
-    """Return how it is: something was heard at `last_received_at`, somebody wants it since
-    `wanted_since` or nobody does; monotonic seconds.
-    """
-    now = time.monotonic()
-    if now - last_received_at < LIMITS.stall:
-        return CaptureState("live")
-    if wanted_since is None:
-        return CaptureState("idle")
-    return (
-        CaptureState("starting")
-        if now - wanted_since < OPENING
-        else CaptureState("failed", missing)
-    )

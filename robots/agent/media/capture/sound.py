@@ -14,7 +14,7 @@ import av
 import numpy as np
 import numpy.typing as npt
 
-from robots.agent.media.capture.capture import Capture, CaptureState
+from robots.agent.media.capture.capture import Capture
 from robots.agent.media.rtp import AUDIO_RATE
 from robots.agent.robot_interface import AudioSource
 
@@ -65,40 +65,23 @@ def _open_opus() -> Any:
     return codec
 
 
-class MicrophoneFeed:
+class MicrophoneFeed(Capture):
     """Reads, encodes and delivers sound while there are listeners.
 
-    Args:
-        source: the microphone.
-        deliver: called in the microphone's thread with (payload, RTP ticks) of every 20 ms that are
-            not silent.
+    `deliver` is called in the microphone's thread with (payload, RTP ticks) of every 20 ms that are
+    not silent.
     """
 
     def __init__(self, source: AudioSource, deliver: Callable[[bytes, int], None]) -> None:
-        self._source = source
+        super().__init__("microphone", source, lambda: None, self._read_block)
+        self._microphone = source
         self._deliver = deliver
         self._encoder = SoundEncoder()
-        self._capture = Capture("microphone", source, lambda: None, self._step)
 
-    @property
-    def state(self) -> CaptureState:
-        """Return how the microphone is."""
-        return self._capture.state
+    listen = Capture.want
 
-    def start(self) -> None:
-        """Start the microphone's thread; the microphone itself starts with the first listener."""
-        self._capture.start()
-
-    def close(self) -> None:
-        """Stop the microphone and its thread."""
-        self._capture.close()
-
-    def listen(self, number: int) -> None:
-        """Say that `number` more listen, fewer when negative."""
-        self._capture.want(number)
-
-    def _step(self, timeout: float) -> bool:
-        samples = self._source.read(timeout)
+    def _read_block(self, timeout: float) -> bool:
+        samples = self._microphone.read(timeout)
         if samples is None:
             return False
         sound = self._encoder.encode(samples)

@@ -1,5 +1,4 @@
-"""One encoder a rung of quality: pictures in, VP8 cut into RTP payloads out, the same for every
-viewer.
+"""One encoder a layer of quality: frames in, VP8 cut into RTP payloads out, shared by all viewers.
 
 VP8 because every browser speaks it (Firefox has no H.264 of its own). libvpx in real-time mode, one
 pass, no lag, constant bit rate. Its denoiser is off: it takes half of the encoder's time and a
@@ -21,9 +20,7 @@ from robots.agent.robot_interface import Frame
 
 @dataclass(frozen=True)
 class Tier:
-    """One rung of quality: a size in pixels that pictures are fitted into, pictures a second,
-    bit/s.
-    """
+    """A layer's size in pixels, frames a second and bit/s."""
 
     width: int
     height: int
@@ -46,9 +43,7 @@ LAYERS = (
 
 @dataclass(frozen=True)
 class Picture:
-    """An encoded picture: RTP payloads, whether it is a key frame, its RTP timestamp, when the
-    camera sampled the world, and its rung.
-    """
+    """An encoded frame: RTP payloads and time, key or not, capture stamp (Unix s), layer."""
 
     payloads: tuple[bytes, ...]
     key: bool
@@ -63,24 +58,18 @@ class Picture:
 
 
 def fitted(tier: Tier, width: int, height: int) -> tuple[int, int]:
-    """Return the even (width, height) into which a picture is scaled: inside the tier, same shape,
-    never enlarged.
-    """
+    """Return the even (width, height) inside the tier: same shape, never enlarged."""
     scale = min(1.0, tier.width / width, tier.height / height)
     return max(16, round(width * scale / 2) * 2), max(16, round(height * scale / 2) * 2)
 
 
 def is_due(stamp: float, last: float | None, fps: int) -> bool:
-    """Tell whether a picture belongs into a stream of `fps`: a faster camera's pictures in between
-    are left out.
-    """
+    """Tell whether a stream of `fps` takes a frame; of a faster camera some are left out."""
     return last is None or not 0.0 <= stamp - last < 0.75 / fps
 
 
 class PictureEncoder:
-    """A VP8 encoder of one tier, the ladder's `layer`. Not thread-safe: it belongs to the thread of
-    its camera.
-    """
+    """A VP8 encoder of one layer; belongs to its camera's thread."""
 
     def __init__(self, tier: Tier, layer: int = 0) -> None:
         self.tier, self.layer = tier, layer
@@ -116,9 +105,9 @@ class PictureEncoder:
             return image
         # Same size needs only the colours, for which POINT is the fastest way; one thread, because
         # a pool costs more than it saves.
-        way = Interpolation.POINT if same else Interpolation.BILINEAR
+        interpolation = Interpolation.POINT if same else Interpolation.BILINEAR
         return self._reformatter.reformat(
-            image, *fit, format="yuv420p", interpolation=way, threads=1
+            image, *fit, format="yuv420p", interpolation=interpolation, threads=1
         )
 
     def _codec_for(self, width: int, height: int) -> Any:
@@ -128,9 +117,7 @@ class PictureEncoder:
 
 
 def open_vp8(tier: Tier, width: int, height: int) -> Any:
-    """Return an open libvpx encoder for (width, height) at the tier's rate; it cannot be changed
-    later, only opened anew.
-    """
+    """Return an open libvpx encoder; its rate cannot change later, only by opening another."""
     codec: Any = av.CodecContext.create("libvpx", "w")
     codec.width, codec.height, codec.pix_fmt = width, height, "yuv420p"
     codec.time_base, codec.framerate = Fraction(1, VIDEO_RATE), Fraction(tier.fps)

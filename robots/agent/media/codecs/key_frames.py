@@ -15,20 +15,24 @@ GAPS: dict[Reason, float] = {"joined": 0.0, "lost": 0.3, "behind": 2.0}
 
 
 class KeyFrames:
-    """Pending requests for a key frame and the time of the last one; `now` is any monotonic clock
-    in seconds.
-    """
+    """Requests for a key frame and the time of the last; `now` is monotonic seconds."""
 
     def __init__(self) -> None:
         self._pending: set[Reason] = set()
         self._last = float("-inf")
 
     def ask(self, reason: Reason) -> None:
-        """Ask for a key frame."""
         self._pending.add(reason)
 
+    def ask_now(self, reason: Reason, now: float) -> bool:
+        """Ask for a key frame; when it is due, count it as made and return True."""
+        self.ask(reason)
+        if not self.is_due(now):
+            return False
+        self.made(now)
+        return True
+
     def is_due(self, now: float) -> bool:
-        """Tell whether the next picture should be a key frame."""
         return bool(self._pending) and now - self._last >= min(
             GAPS[reason] for reason in self._pending
         )

@@ -1,10 +1,9 @@
-"""When the next picture goes through the server, and how large it may be: decisions only. `now` is
-monotonic time in seconds.
+"""When the next JPEG goes through the server, and how large it may be: decisions only.
 
 A page that no WebRTC path reaches asks for each picture, and asks again when it has it: a request
-is an acknowledgement too. So one picture is on its way at most, whatever the network between does,
-and none is queued. A picture goes out once for everybody who waits; the driver sets the pace while
-there is one who asks, and nobody's slow network costs the driver anything.
+is an acknowledgement too. So at most one picture is under way, whatever the network between does,
+and none is queued. A picture is sent once for all pages that wait; a driver who asks sets the pace,
+and another page's slow network costs the driver nothing. `now` is monotonic time in seconds.
 """
 
 from collections.abc import Callable
@@ -15,7 +14,7 @@ from robots.agent.media.codecs.encoder import Tier
 FPS = 10
 PRESENT = 3.0  # s after its last request that a page still counts as watching
 MOST_PAGES = 64
-# s that the size of a picture may cost, and what leaves room for a larger one
+# s that a picture's size may cost at most; below FAST there is room for a larger one
 SLOW, FAST = 0.25, 0.08
 # pictures in a row that must have been fast before a larger one is tried
 PATIENCE, MOST_PATIENCE = 10, 320
@@ -25,9 +24,7 @@ RETRY = 1.0  # s after a camera gave nothing
 
 @dataclass(frozen=True)
 class Layer:
-    """A step of quality: the size that a picture is fitted into, and JPEG's quantizer (2 is the
-    best, 31 the smallest).
-    """
+    """A step of quality: the size, and JPEG's quantizer (2 is the best, 31 the smallest)."""
 
     tier: Tier
     quantizer: int
@@ -50,7 +47,7 @@ FIRST = 2
 
 
 class StillQuality:
-    """The rung of the ladder, by how long pictures take."""
+    """The layer, by how long pictures take."""
 
     def __init__(self) -> None:
         self.layer = FIRST
@@ -59,7 +56,7 @@ class StillQuality:
         self._tried = False  # the last step was up
 
     def took(self, seconds: float) -> None:
-        """Hear how long a picture took longer than a small message."""
+        """Take how much longer a picture took than a small message."""
         if seconds > SLOW:
             self.too_large()
         elif seconds < FAST:
@@ -70,17 +67,13 @@ class StillQuality:
             self._fast = 0
 
     def too_large(self) -> None:
-        """Step down; a step up that came to nothing is tried again less and less often."""
+        """Step down; after a failed step up, the next trial waits longer."""
         self._patience = min(MOST_PATIENCE, 2 * self._patience) if self._tried else PATIENCE
         self.layer, self._fast, self._tried = min(len(LAYERS) - 1, self.layer + 1), 0, False
 
 
 class StillPace:
-    """Who asks, what is on its way, and what goes next.
-
-    Args:
-        is_driver: tells whether a peer drives at this moment.
-    """
+    """Which pages ask, and when the next picture is sent to whom."""
 
     def __init__(self, is_driver: Callable[[str], bool]) -> None:
         self.quality = StillQuality()
@@ -93,7 +86,6 @@ class StillPace:
         self._not_before = float("-inf")
 
     def ask(self, peer: str, seen: float | None, round_trip: float | None, now: float) -> None:
-        """Take a request."""
         if peer not in self._asked and len(self._asked) >= MOST_PAGES:
             return
         self._asked[peer] = now
@@ -102,9 +94,7 @@ class StillPace:
             self._acknowledge(seen, round_trip, now)
 
     def wait(self, now: float) -> float | None:
-        """Return the seconds until a picture is due, 0 when it is now; None when only a request can
-        change that.
-        """
+        """Return seconds until a picture is due, 0 for now; None when only a request helps."""
         driver = self._driver(now)
         if not (self._waiting if driver is None else driver in self._waiting):
             return (
@@ -115,20 +105,16 @@ class StillPace:
         return max(0.0, self._not_before - now)
 
     def layer(self) -> Layer:
-        """Return how large the next picture is to be."""
         return LAYERS[self.quality.layer]
 
     def sent(self, stamp: float, now: float) -> frozenset[str]:
-        """Note that the picture of this capture stamp has gone out to everybody who waited, and
-        return them.
-        """
+        """Note that the picture of this stamp was sent to all who waited; return them."""
         waited = frozenset(self._waiting)
         self._waiting.clear()
         self._stamp, self._sent, self._not_before = stamp, now, now + 1.0 / FPS
         return waited
 
     def failed(self, now: float) -> None:
-        """Note that there is no picture to send."""
         self._not_before = now + RETRY
 
     def watching(self, now: float) -> frozenset[str]:

@@ -1,9 +1,7 @@
-"""Pictures through the server, as JPEG, for pages that no WebRTC path reaches: a thread that sleeps
-while nobody asks.
+"""Pictures through the server, as JPEG, for pages that no WebRTC path reaches.
 
-See slow_pace.py for when and how large. The camera runs while somebody asks, as it does for
-viewers, and encoding has a thread of its own: it must delay neither commands nor the pictures of
-those whom WebRTC reaches.
+See pace.py for when and how large. A thread encodes while pages ask, so as to delay neither
+commands nor the video of pages on WebRTC; the camera runs as it does for viewers.
 """
 
 import threading
@@ -31,11 +29,8 @@ CLOSE_TIMEOUT = 4.0  # s
 class JpegFallback:
     """Sends a picture when one was asked for. All methods may be called from any thread.
 
-    Args:
-        snapshot: returns a fresh frame of the camera, or None after a while; blocks.
-        send: called in the pictures' thread with each picture as it goes on the wire, and the peers
-            who wait for it.
-        is_driver: tells whether a peer drives at this moment.
+    `snapshot` blocks for a fresh frame, or None; `send` is called in the pictures' thread with each
+    packed picture and the peers who wait for it.
     """
 
     def __init__(
@@ -61,9 +56,7 @@ class JpegFallback:
             self._changed.notify_all()
 
     def expect(self, delay: float) -> None:
-        """Know that a network lab holds the driver's pictures for so many seconds, which says
-        nothing about their size.
-        """
+        """Note for how many seconds a network lab holds the driver's pictures."""
         with self._changed:
             self._pace.delay = delay
 

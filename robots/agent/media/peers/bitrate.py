@@ -1,14 +1,12 @@
-"""Which rung of the ladder of qualities one viewer stands on: down at once when the network takes
-less, up by trial. Pure.
+"""Which layer of quality one viewer gets: lower at once when the network takes less, up by trial.
 
-What tells is how old the picture on the screen is, which the page says five times a second, and ten
-times while it grows: where more is sent than arrives, pictures wait before the narrowest place of
-the way. Browsers' own estimates would tell it too, but Chromium keeps silent about them (REMB) on a
-connection on which it may send a picture as well.
+Pure. The sign is the age of the frame on the screen, which the page reports five times a second,
+and ten times while it grows: where more is sent than arrives, frames wait before the bottleneck.
+Browsers' own estimates (REMB) would show it too, but Chromium sends none on a connection on which
+it may send video as well.
 
-The way up is to send more for a moment, as copies of what was sent already, and to see whether
-pictures become older. What nobody sees costs no picture, where a rung tried in earnest would begin
-with a large key frame.
+To try a higher layer, copies of sent packets are added for a moment, to see whether frames become
+older. That costs no frame, where a trial of the layer itself would begin with a large key frame.
 """
 
 from collections import deque
@@ -18,9 +16,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class BitrateParams:
-    """When a viewer's picture gets worse or better.
+    """When a viewer's layer changes.
 
-    Lateness is (s older than at its best, so many words of the page in a row).
+    Lateness is (s older than at its best, reports in a row).
     """
 
     # A busy computer makes single pictures late, too, and at 15 a second the one on the screen is
@@ -33,7 +31,7 @@ class BitrateParams:
     lossy: float = 0.1  # share of the packets lost, in two reports in a row
     very_lossy: float = 0.3  # the same, in one report
     same: float = 0.02  # s between the times of two pictures that are the same
-    unseen: float = 1.0  # s of the same picture, after which nobody looks: a page that is hidden
+    unseen: float = 1.0  # s of the same frame, after which the page counts as hidden
     steady: float = 0.8  # share of what is sent that arrives: above it a queue does not grow
     full_queue: float = 0.5  # share that is believed of a queue that is full
     settling: float = 1.0  # s after a step down in which nothing new is learned
@@ -52,12 +50,7 @@ BITRATE = BitrateParams()
 
 
 class BitrateAdapter:
-    """One viewer's place. All times are monotonic seconds.
-
-    Args:
-        rates: of the rungs in bit/s, the best first.
-        now: when it begins, on the best one.
-    """
+    """One viewer's layer, at first the best; `rates` are in bit/s, times monotonic seconds."""
 
     def __init__(self, rates: Sequence[int], now: float, params: BitrateParams = BITRATE) -> None:
         self._params = params
@@ -83,16 +76,14 @@ class BitrateAdapter:
         return now < self._silent_until
 
     def aged(self, now: float, age: float, sent: float) -> None:
-        """Take how old the picture on the screen is, in s; `sent` is what the viewer is sent, in
-        bit/s.
-        """
+        """Take the age of the frame on the screen (s), and what the viewer is sent (bit/s)."""
         params = self._params
         taken = now - age
         if self._taken is None or taken - self._taken[1] > params.same:
             self._taken = now, taken
         elif now - self._taken[0] > params.unseen:
             self._late.clear()
-            # nothing is tried on a page that shows nothing new
+            # no trial on a page that shows no new frame
             self._calm_since, self._probe_at = now, None
             return
         self._remember(now, age)
@@ -109,11 +100,8 @@ class BitrateAdapter:
             self._step_down(now, self._share() * sent, waits=self._late[-1][1])
 
     def _share(self) -> float:
-        """How much of what is sent arrives: while a queue grows, a second on the screen takes
-        longer than one before the camera.
-
-        That does not tell how much too much filled a queue that is full, nor why a picture is
-        stuck: then it is believed to be half.
+        """Return the share of the sent data that arrives: while a queue grows, a second on the
+        screen takes longer than one before the camera. Half for a full queue, which hides it.
         """
         params = self._params
         (then, first), *_, (now, last) = self._shown
@@ -128,7 +116,6 @@ class BitrateAdapter:
         )
 
     def lost(self, now: float, share: float) -> None:
-        """Take a report of lost packets."""
         params = self._params
         self._lossy = 0 if share < params.lossy else self._lossy + 1
         if (
@@ -137,9 +124,7 @@ class BitrateAdapter:
             self._step_down(now, None)
 
     def look(self, now: float) -> float:
-        """Let time pass, and return the bit/s that should be reached by sending packets again, 0
-        when nothing is tried.
-        """
+        """Let time pass; return bit/s to reach by sending packets again, 0 without a trial."""
         params = self._params
         if self._probe_at is not None and now - self._probe_at > params.probe + params.watch:
             self._probe_at, self._calm_since, self._up_at = None, now, now
@@ -165,9 +150,7 @@ class BitrateAdapter:
             self._ages.popleft()
 
     def _is_quick(self, now: float) -> bool:
-        """Tell whether pictures come as fast as they can; a page that has never said how old they
-        are is believed to be well.
-        """
+        """Tell whether frames arrive as fast as they can; without any ages, it is assumed."""
         params = self._params
         if not self._late:
             return self._taken is None
@@ -177,10 +160,8 @@ class BitrateAdapter:
         params = self._params
         self._calm_since, self._lossy = now, 0
         if self._probe_at is not None:  # only the trial was too much
-            self._probe_at, self._hold = (
-                None,
-                min(2.0 * max(self._hold, params.first_hold), params.longest_hold),
-            )
+            self._probe_at = None
+            self._hold = min(2.0 * max(self._hold, params.first_hold), params.longest_hold)
             self._down_at = now  # and pictures are late until what it sent has left
             return
         regretted = now - self._up_at < params.regret

@@ -46,7 +46,7 @@ class Connections:
         make_viewer: makes the connection of (peer, role), with a name for this connection of theirs
             and what to call when it fails by itself.
         reply: called with (peer, message) for the page.
-        changed: called when somebody came, who may be the driver.
+        changed: called after a new page, which may be the driver's.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class Connections:
         self._count = itertools.count()
         self._viewers: dict[str, Viewer] = {}
         self._screens: set[str] = set()
-        # hidden operators, who are told of the robot by the server alone, and count for nobody
+        # hidden operators: the server alone sends them states, and they do not count as viewers
         self._wizards: set[str] = set()
         self._passed_on: dict[str, int] = {}  # of an SFU: how many watch through it
         self._flooded: dict[str, float] = {}  # pages that were sent away for it: refused until
@@ -74,22 +74,17 @@ class Connections:
     # --- any thread -------------------------------------------------------------------------------
 
     def lease_changed(self, driver_peer: str | None) -> None:
-        """Say which peer the lease names; every other one is an observer from now on, None means
-        that nobody drives.
-        """
+        """Note which peer the lease names, the only driver; None without a driver."""
         self._registry.lease_changed(driver_peer, time.monotonic())
 
     def role(self, peer: str) -> Role:
-        """Return what a peer is at this moment."""
         return self._registry.role(peer)
 
     def drives(self, peer: str) -> bool:
-        """Tell whether a peer is the one that drives."""
         return self.role(peer) == "driver"
 
     @property
     def is_empty(self) -> bool:
-        """Tell whether nobody is connected."""
         return not self._viewers
 
     def connected(self) -> frozenset[str]:
@@ -107,7 +102,6 @@ class Connections:
 
     @property
     def screens(self) -> int:
-        """How many of the robot's own displays are connected."""
         return sum(
             viewer.page.is_connected
             for peer, viewer in list(self._viewers.items())
@@ -115,7 +109,6 @@ class Connections:
         )
 
     def statistics(self) -> dict[str, dict[str, int | None]]:
-        """Return counts for each peer: see `Viewer.statistics`."""
         return {peer: viewer.statistics() for peer, viewer in list(self._viewers.items())}
 
     # --- signalling -------------------------------------------------------------------------------
@@ -200,9 +193,7 @@ class Connections:
     # --- ends -------------------------------------------------------------------------------------
 
     def end_lost(self, now: float) -> None:
-        """End the connections over which nothing comes any more, and those of whoever may not stay;
-        `now` is monotonic.
-        """
+        """End connections that are silent or not allowed to stay; `now` is monotonic."""
         for peer, viewer in list(self._viewers.items()):
             if viewer.page.is_lost(now):
                 self._end(peer, "failed")
@@ -218,9 +209,7 @@ class Connections:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _ended(self, peer: str, viewer: Viewer, reason: str = "failed") -> None:
-        """End a connection that failed by itself, or floods, unless a newer one has taken its
-        place.
-        """
+        """End a connection that failed or floods, unless a newer one has replaced it."""
         if self._viewers.get(peer) is not viewer:
             return
         if reason == "flooded":
@@ -256,17 +245,13 @@ class Connections:
     # --- what they are sent -----------------------------------------------------------------------
 
     def send(self, suffix: str, frame: str) -> None:
-        """Send a frame to every page that is connected, except to hidden operators: a state tells
-        the condition of a study.
-        """
+        """Send a frame to all pages but hidden operators: a state reveals a study's condition."""
         for peer, viewer in self._viewers.items():
             if peer not in self._wizards:
                 viewer.send(suffix, frame)
 
     def send_heartbeat(self, suffix: str, heartbeat: Heartbeat) -> None:
-        """Send each page its own echoes alone: a peer id is a secret between its page, the server
-        and the robot.
-        """
+        """Send each page its own echoes alone: a peer id is a secret of page, server and robot."""
         for peer, viewer in self._viewers.items():
             own = tuple(echo for echo in heartbeat.echoes if echo.peer == peer)
             viewer.send(
@@ -280,9 +265,7 @@ class Connections:
                 viewer.send("pointer", frame)
 
     def lead(self, line: TimedLine | None) -> None:
-        """Lead what the driver is sent over the line, and what everybody else is sent straight to
-        them.
-        """
+        """Send the driver's media over the line, and everybody else's directly."""
         for peer, viewer in self._viewers.items():
             viewer.send_by(line if self.drives(peer) else None)
 
@@ -313,7 +296,6 @@ class Connections:
                 self._keep(viewer.page.ask_key_frame())
 
     def ask_screens(self) -> None:
-        """Ask the robot's own displays for a whole picture."""
         for peer in self._screens:
             self._keep(self._viewers[peer].page.ask_key_frame())
 

@@ -1,11 +1,11 @@
-"""Who is connected, and as what: decisions only.
+"""Which peers are connected, and in which role: decisions only.
 
 The lease says who drives, so it alone makes a peer the driver: one that was offered as driver and
 no longer holds the lease is an observer from that moment, and an observer who is given the lease
 drives without a new connection.
 
-A connection outlives the page's socket, by which the server says goodbye for it, so nobody stays by
-that alone: whoever has driven must offer anew to watch, and for whoever watches the server speaks
+A connection outlives the page's socket, by which the server says goodbye for it, so it ends unless
+it is confirmed: an earlier driver must offer again to watch, and the server vouches for observers
 again and again.
 """
 
@@ -78,7 +78,7 @@ class PeerRegistry:
         return "observer" if offered == "driver" else offered
 
     def lease_changed(self, driver: str | None, now: float) -> None:
-        """Note who drives from now on; None is nobody. From any thread."""
+        """Note the driver's peer, or None. From any thread."""
         if self._driver is not None and driver != self._driver and self._driver in self._offered:
             # the lease spoke for it until now
             self._drove[self._driver] = self._vouched[self._driver] = now
@@ -104,7 +104,6 @@ class PeerRegistry:
         }
 
     def leave(self, peer: str) -> None:
-        """Forget a peer."""
         self._offered.pop(peer, None)
         self._vouched.pop(peer, None)
         self._drove.pop(peer, None)
@@ -114,15 +113,12 @@ _EXPENDABLE: dict[Role, int] = {"driver": 0, "wizard": 1, "screen": 2, "observer
 
 
 class HeldCandidates:
-    """Candidates that came before their offer, a bounded number for a bounded number of peers,
-    oldest peer out first.
-    """
+    """Candidates that arrived before their offer; bounded, the oldest peer is dropped first."""
 
     def __init__(self) -> None:
         self._held: dict[str, list[Candidate]] = {}
 
     def hold(self, peer: str, candidate: Candidate) -> None:
-        """Keep a candidate for the offer to come."""
         held = self._held.setdefault(peer, [])
         if len(held) < MAX_HELD_CANDIDATES:
             held.append(candidate)
@@ -130,7 +126,6 @@ class HeldCandidates:
             del self._held[next(iter(self._held))]
 
     def release(self, peer: str) -> list[Candidate]:
-        """Return and forget what was held for `peer`."""
         return self._held.pop(peer, [])
 
 

@@ -1,4 +1,4 @@
-"""One connected page: what it is shown, what it hears, what it is told, and what it says."""
+"""One connected page: its video, sound and telemetry, and its commands."""
 
 import random
 import time
@@ -20,7 +20,7 @@ from robots.agent.timing import Cadence
 from robots.api.codec import encode_frame
 from robots.api.messages import CommandHeartbeat, SdpOffer
 
-NARROW = 2  # the first rung of a network that has no room to spare
+NARROW = 2  # the first layer of a network without room to spare
 # s between two of them there; five and fifteen a second would be as much as the picture
 SPARSE = {"scan": 0.95, "pose": 0.19}
 
@@ -42,7 +42,7 @@ class WatchedVideo(Protocol):
 
 
 class Sounds(Protocol):
-    """What a viewer hears: the microphone, or the visitor."""
+    """The sound of a viewer: the microphone's, or the visitor's."""
 
     def listen(self, number: int) -> None:
         """Say that `number` more listen."""
@@ -57,7 +57,7 @@ class Viewer:
         camera: what it watches from the offer on, so that the first picture is there when the
             connection is.
         microphone: what it hears.
-        on_command: called with what every frame from the page says that passed the gate.
+        on_command: called with every message of the page that passed the gate.
         on_end: called with the reason when the connection failed, was closed by the page, or the
             page floods.
         on_media, relays: see `PageConnection`.
@@ -111,12 +111,8 @@ class Viewer:
         self.takes_candidates = False
 
     async def answer(self, offer: SdpOffer) -> str:
-        """Answer the offer; return the SDP.
-
-        Raises:
-            BadOfferError: it cannot be used.
-        """
-        self._watch()
+        """Answer the offer; return the SDP. Raises BadOfferError."""
+        self._watch(watching=True)
         sdp = await self.page.answer(offer)
         self.takes_candidates = True
         return sdp
@@ -145,14 +141,11 @@ class Viewer:
             self._move()
 
     def sound(self, payload: bytes, ticks: int) -> None:
-        """Queue 20 ms of sound."""
         if self._sounds is not None:
             self._sounds.put(payload, ticks)
 
     def send(self, suffix: str, frame: str) -> None:
-        """Send a frame on the data channel, or drop it; on a narrow network most of what a newer
-        one replaces.
-        """
+        """Send a frame on the data channel or drop it; a narrow network gets fewer."""
         if (
             self._layer >= NARROW
             and (cadence := self._sparse.get(suffix)) is not None
@@ -162,9 +155,7 @@ class Viewer:
         self.page.send(frame)
 
     def statistics(self) -> dict[str, int | None]:
-        """Return pictures sent, restarts on a key frame, the rung of the ladder, and frames refused
-        and dropped.
-        """
+        """Return counts of frames, restarts, refused and dropped messages, and the layer."""
         pictures = self._pictures
         return {
             "pictures": pictures.sent if pictures else 0,
@@ -176,49 +167,41 @@ class Viewer:
         }
 
     async def close(self) -> None:
-        """Close the connection and let go of camera and microphone; idempotent."""
-        self._unwatch()
+        """Close the connection and release camera and microphone; idempotent."""
+        self._watch(watching=False)
         await self.page.close()
 
-    def _watch(self) -> None:
-        if not self._watching:
-            self._watching = True
-            self._change(1)
-
-    def _unwatch(self) -> None:
-        if self._watching:
-            self._watching = False
-            self._change(-1)
-
-    def _change(self, number: int) -> None:
+    def _watch(self, *, watching: bool) -> None:
+        if watching == self._watching:
+            return
+        self._watching = watching
+        number = 1 if watching else -1
         if self._camera is not None:
             for layer in {self._layer, self._coming}:
                 self._camera.watch(number, layer)
         if self._microphone is not None:
             self._microphone.listen(number)
 
-    # --- the ladder of qualities ------------------------------------------------------------------
+    # --- layers of quality ------------------------------------------------------------------------
 
     def _ask_camera(self, reason: Reason) -> None:
         if self._camera is not None:
             self._camera.ask_key_frame(reason, self._layer)
 
-    def _take(self, heard: ReceivedPacket) -> None:
-        if self._pictures is not None and isinstance(heard, CommandHeartbeat):
-            age, sent = heard.frame_age, self._pictures.rate
+    def _take(self, packet: ReceivedPacket) -> None:
+        if self._pictures is not None and isinstance(packet, CommandHeartbeat):
+            age, sent = packet.frame_age, self._pictures.rate
             if age is not None and sent is not None:
                 self._adapter.aged(time.monotonic(), age, sent)
                 self._move()
-        self._on_command(heard)
+        self._on_command(packet)
 
     def _lost(self, share: float) -> None:
         self._adapter.lost(time.monotonic(), share)
         self._move()
 
     def _move(self) -> None:
-        """Ask for the quality where the climb stands; what is shown goes on until its first key
-        frame is there.
-        """
+        """Ask for the adapter's layer; the present one is shown until its first key frame."""
         wanted = self._adapter.layer
         if self._camera is None or not self._watching or wanted == self._coming:
             return
@@ -230,9 +213,7 @@ class Viewer:
             self._camera.watch(1, wanted)
 
     def _is_mended_by(self, picture: Picture) -> bool:
-        """Tell whether pictures can go on after those that were left out, and ask for the one with
-        which they can, once.
-        """
+        """Tell whether frames can go on after a gap; if not, ask for a key frame, once."""
         self._holed = not (picture.key and picture.layer == self._coming)
         if self._holed and not self._begged and self._camera is not None:
             self._begged = True

@@ -1,10 +1,9 @@
 """The visitor's voice and face on their way to the people at the robot.
 
-They arrive encoded on the driver's connection and leave as they came: a screen that shows the
-visitor is one more viewer, with the visitor's packets instead of the camera's (nothing is encoded
-again). While no screen is connected they are decoded for the robot's own loudspeaker and display,
-where it has them. Only what the lease's peer sends passes, and only what the call lets through; the
-rest is counted and dropped, and nothing is kept.
+They arrive encoded on the driver's connection and are forwarded unchanged: a screen that shows the
+visitor is one more viewer, with the visitor's packets instead of the camera's. While no screen is
+connected they are decoded for the robot's own loudspeaker and display, if it has them. Only media
+of the lease's peer pass, as far as the call allows; the rest is counted and dropped.
 """
 
 import time
@@ -22,14 +21,8 @@ log = structlog.stdlib.get_logger(__name__)
 
 
 class VisitorMedia:
-    """All of it on the media loop, but for `let_through`.
-
-    Args:
-        drives: tells whether a peer is the one that the lease names.
-        ask: asks the driver's page for a key frame.
-        show: gives a picture to the screens.
-        sound: gives a sound to the screens.
-        outputs: the robot's own loudspeaker and display, or None.
+    """All of it on the media loop, but for `let_through`. `drives` tells whether a peer has the
+    lease; `ask` asks its page for a key frame; `show` and `sound` serve the screens.
     """
 
     def __init__(
@@ -41,13 +34,11 @@ class VisitorMedia:
         sound: Callable[[bytes, int], None],
         outputs: OutputFeed | None,
     ) -> None:
-        self._drives, self._ask, self._show, self._sound, self._outputs = (
-            drives,
-            ask,
-            show,
-            sound,
-            outputs,
-        )
+        self._drives = drives
+        self._ask = ask
+        self._show = show
+        self._sound = sound
+        self._outputs = outputs
         self._keys = KeyFrames()
         self._clocks = {kind: Continuous(step) for kind, step in STEP.items()}
         self._passing = {"audio": False, "video": False}
@@ -62,9 +53,7 @@ class VisitorMedia:
             self._outputs.volume = volume
 
     def take(self, peer: str, source: str, kind: Kind, data: bytes, ticks: int) -> None:
-        """Take one encoded picture or sound of a connection of `peer`; `source` names the
-        connection, `ticks` are its own.
-        """
+        """Take one encoded frame or sound of the connection `source` of `peer`, at its `ticks`."""
         if not self._drives(peer):
             self.counts["not_driver"] += 1
             return
@@ -79,18 +68,14 @@ class VisitorMedia:
         else:
             self._take_picture(data, at)
 
-    # --- for a screen, which asks as a viewer asks a camera or a microphone (viewer.Pictures,
-    # viewer.Sounds) ---------------
+    # --- for a screen, as viewer.WatchedVideo and viewer.Sounds -----------------------------------
 
     @property
     def rates(self) -> tuple[int, ...]:
-        """Return the one quality there is: what the visitor's page sends, whose rate nobody here
-        knows.
-        """
+        """The one quality there is; its rate is unknown."""
         return (0,)
 
     def watch(self, number: int, layer: int = 0) -> None:
-        """Note that `number` more screens are connected, fewer when negative."""
         self._screens += number
 
     def listen(self, number: int) -> None:
@@ -98,9 +83,7 @@ class VisitorMedia:
 
     def ask_key_frame(self, reason: Reason, layer: int = 0) -> None:
         """Ask the visitor's page for a key frame, not too often."""
-        self._keys.ask(reason)
-        if self._keys.is_due(time.monotonic()):
-            self._keys.made(time.monotonic())
+        if self._keys.ask_now(reason, time.monotonic()):
             self._ask()
 
     # --- inside -----------------------------------------------------------------------------------

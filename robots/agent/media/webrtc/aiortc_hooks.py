@@ -2,7 +2,7 @@
 and a robot without network.
 
 `PacketSender` takes the place of aiortc's RTCRtpSender. The original asks a track for frames,
-encodes them for its one viewer and draws a random RTP origin that nobody can read; ours is handed
+encodes them for its one viewer and draws a random RTP origin that cannot be read; ours is handed
 payloads that were encoded once for everybody, with their RTP timestamps. DTLS, SRTP, ICE, RTCP
 reports and SDP stay aiortc's. The project pins 1.16.x, `check()` refuses anything that lacks a name
 used here, and a test runs all of it against a real connection.
@@ -133,9 +133,7 @@ class FrameSource(Protocol):
         """Hear that the viewer lost a picture (PLI, FIR)."""
 
     def heard(self, loss: float | None) -> None:
-        """Hear that RTCP came from the viewer, with its share of lost packets, or None when it says
-        nothing of them.
-        """
+        """Note RTCP from the viewer, with its share of lost packets if it reports one."""
 
 
 class PacketSender(RTCRtpSender):
@@ -151,17 +149,13 @@ class PacketSender(RTCRtpSender):
         self._noted = 0.0
 
     async def send(self, parameters: RTCRtpSendParameters) -> None:
-        """Take the negotiated parameters and begin to send; aiortc calls this once the connection
-        is up.
-        """
+        """Begin to send with these parameters; aiortc calls this once the connection is up."""
         if self._stream is None:
             self._stream = _stream_for(parameters, self._ssrc, self._rtx_ssrc)
         await super().send(parameters)
 
     def backlog(self) -> int:
-        """Return the bytes that wait in the socket (of a relay, when there is one) because the
-        network takes no more.
-        """
+        """Return the bytes that wait in the socket (of a relay, if any) for the network."""
         pair = self.transport.transport._connection._nominated.get(1)
         if pair is None:
             return 0
@@ -206,12 +200,10 @@ class PacketSender(RTCRtpSender):
         pair = dtls.transport._connection._nominated.get(1)
         if pair is None or dtls.state != "connected":
             raise ConnectionError("not connected")
-        protect, send, address, detour = (
-            dtls._tx_srtp.protect,
-            pair.protocol.transport.sendto,
-            pair.remote_addr,
-            self._outbox.detour,
-        )
+        protect = dtls._tx_srtp.protect
+        send = pair.protocol.transport.sendto
+        address = pair.remote_addr
+        detour = self._outbox.detour
         for packet in packets:
             if detour is None:
                 send(protect(packet), address)
@@ -309,9 +301,7 @@ async def ask_key_frame(receiver: RTCRtpReceiver) -> None:
 
 
 def restrict_codec(transceiver: RTCRtpTransceiver, codec: str) -> None:
-    """Let the page send with one codec alone, such as `video/VP8`; what is lost it sends again in
-    the same stream.
-    """
+    """Let the page send with one codec, such as `video/VP8`; it resends in the same stream."""
     wanted = [
         c
         for c in RTCRtpSender.getCapabilities(transceiver.kind).codecs
@@ -321,9 +311,7 @@ def restrict_codec(transceiver: RTCRtpTransceiver, codec: str) -> None:
 
 
 def set_turn_tls_context(connection: RTCPeerConnection, context: ssl.SSLContext) -> None:
-    """Have a relay that is reached over TLS believed by `context`, before addresses are gathered;
-    aiortc believes whom the system does.
-    """
+    """Set whose certificates a TLS relay needs, before gathering; default is the system's."""
     for transport in connection._RTCPeerConnection__iceTransports:  # type: ignore[attr-defined]
         ice = transport.iceGatherer._connection
         if ice.turn_ssl:
@@ -370,11 +358,7 @@ def install() -> None:
 
 
 def check() -> None:
-    """Refuse an aiortc that these hooks do not fit.
-
-    Raises:
-        UnsupportedAiortcError: with what is wrong.
-    """
+    """Raise UnsupportedAiortcError for an aiortc that these hooks do not fit."""
     if not aiortc.__version__.startswith("1.16."):
         raise UnsupportedAiortcError(
             f"aiortc {aiortc.__version__} is installed, but 1.16 is required"
@@ -390,9 +374,7 @@ def check() -> None:
 
 
 class _WithLoopback:
-    """aioice's search for addresses, which leaves out 127.0.0.1: with no other interface up that is
-    the only way to a page.
-    """
+    """aioice's search for addresses, with 127.0.0.1 where no other interface is up."""
 
     def __init__(self, found_by: Callable[..., list[str]]) -> None:
         self.found_by = found_by

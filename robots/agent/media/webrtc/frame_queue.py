@@ -11,9 +11,9 @@ from robots.agent.media.webrtc.aiortc_hooks import Detour, OutgoingFrame
 from robots.agent.media.webrtc.sender_queue import ViewerQueue
 
 MAX_SOUNDS = 10  # 200 ms
-PAUSE = 0.2  # s without a picture: what is old then is the camera's fault
+PAUSE = 0.2  # s without a frame: an older one is then the camera's fault
 LONGEST_GAP = 0.1  # s between two pictures for which packets are sent again
-# s; who falls behind more seldom than this was held up, and no narrow network makes it happen again
+# s; falling behind more rarely than this is a hold-up, not a narrow network
 ONCE = 5.0
 
 
@@ -30,24 +30,19 @@ class SentRate:
         return gap
 
     def since(self, now: float) -> float:
-        """Return the seconds since something was sent."""
         return now - self._sent[-1][0] if self._sent else float("inf")
 
     def of(self, now: float) -> float:
-        """Return the rate."""
         while self._sent and now - self._sent[0][0] > 1.0:
             self._sent.popleft()
         return 8.0 * sum(octets for _, octets in self._sent)
 
 
 class FrameQueue:
-    """The pictures for one viewer; belongs to the media loop.
+    """The frames for one viewer; belongs to the media loop.
 
-    Args:
-        ask_key_frame: called with why this viewer needs a key frame.
-        before: called with each picture before it is sent, so that its clock reading travels ahead
-            of it.
-        lost: called with the share of packets that the viewer says were lost.
+    `before` gets each frame before it is sent, so that its clock reading arrives first; `lost` gets
+    the share of packets that the viewer reports as lost.
     """
 
     def __init__(
@@ -80,18 +75,14 @@ class FrameQueue:
             self._filled.set()
 
     def _why(self, now: float) -> Reason:
-        """Return what kind of viewer needs a key frame: nobody is to wait for the first picture, or
-        because this process was busy for a moment.
-        """
+        """Return why a viewer needs a key frame: a rare restart is this process's fault."""
         since, self._behind_at = now - self._behind_at, now
         if not self.sent:
             return "joined"
         return "lost" if since > ONCE else "behind"
 
     async def take(self) -> OutgoingFrame:
-        """Wait for the next picture to send; the first call comes when the connection is up and
-        asks for a key frame.
-        """
+        """Wait for the next frame; the first call, on connection, asks for a key frame."""
         if not self._open:
             self._open = True
             self._ask_key_frame("joined")
@@ -110,28 +101,22 @@ class FrameQueue:
         return OutgoingFrame(picture.payloads, picture.rtp, picture.key, int(more))
 
     def key_frame_wanted(self) -> None:
-        """Hear that the viewer lost a picture."""
         self._ask_key_frame("lost")
 
     def heard(self, loss: float | None) -> None:
-        """Hear that the viewer is there, and what share of the packets it lost."""
         self.last_report = time.monotonic()
         if loss is not None:
             self._lost(loss)
 
     @property
     def rate(self) -> float | None:
-        """Return what the viewer was sent in the last second, in bit/s; None when there was no
-        picture just now.
-        """
+        """Return bit/s of the last second; None when there was no frame just now."""
         now = time.monotonic()
         return self._rate.of(now) if self._rate.since(now) < PAUSE else None
 
 
 class SoundQueue:
-    """The sound for one listener; what is late is dropped, oldest first. Belongs
-    to the media loop.
-    """
+    """The sound for one listener; the oldest is dropped first. Belongs to the media loop."""
 
     def __init__(self, origin: int) -> None:
         self.last_report = 0.0
@@ -147,7 +132,6 @@ class SoundQueue:
         self._filled.set()
 
     async def take(self) -> OutgoingFrame:
-        """Wait for the next sound to send."""
         while not self._sounds:
             self._filled.clear()
             await self._filled.wait()
@@ -157,5 +141,4 @@ class SoundQueue:
         """Sound has no key frames."""
 
     def heard(self, loss: float | None) -> None:
-        """Hear that the listener is there."""
         self.last_report = time.monotonic()

@@ -1,6 +1,4 @@
-"""How much a page may say on its data channel, and what it has said: each frame is decoded here,
-once, and by nobody after.
-"""
+"""Rate limits of a page's data channel; each frame is decoded here, once."""
 
 from collections import Counter
 from typing import Literal
@@ -19,13 +17,12 @@ MAX_BYTES = 64 * 1024
 
 
 class PacketGate:
-    """The token buckets of one peer, and a count of what they let through or not. Times are
-    monotonic, in seconds.
+    """The token buckets of one peer, and counts of their verdicts. Times are monotonic seconds.
 
-    Each kind of message has a bucket of its own, so that nothing else that a page says can use up
-    the one of its stops. A page that drives sends 20 to 50 velocities a second, 20 stops until it
-    hears of one, five heartbeats and at most as many spots as are shown. What is left out fills the
-    measure of a flood: no page of ours ever loses anything here.
+    Each kind of message has a bucket of its own, so that other messages of a page cannot use up
+    that of its stops. A page that drives sends 20 to 50 velocities a second, 20 stops until one is
+    confirmed, five heartbeats and at most as many pointers as are shown. Refused messages count
+    towards a flood: no page of ours is ever refused here.
     """
 
     def __init__(self) -> None:
@@ -42,16 +39,14 @@ class PacketGate:
         self.counts: Counter[Verdict] = Counter()
 
     def take(self, frame: str | bytes, now: float) -> ReceivedPacket | None:
-        """Return what a frame says, or why that cannot be read; None when it is too large or one
-        too many.
-        """
-        heard = None if len(frame) > MAX_BYTES else decoded(frame)
-        verdict: Verdict = "oversized" if heard is None else "accepted"
-        if heard is not None and not self._buckets[_kind(heard)].spend(now):
+        """Return a frame's message or its rejection; None when too large or one too many."""
+        packet = None if len(frame) > MAX_BYTES else decoded(frame)
+        verdict: Verdict = "oversized" if packet is None else "accepted"
+        if packet is not None and not self._buckets[_kind(packet)].spend(now):
             verdict = "too_fast"
         self.counts[verdict] += 1
         if verdict == "accepted":
-            return heard
+            return packet
         self.floods = self.floods or not self._refusals.spend(now)
         return None
 
@@ -65,8 +60,8 @@ def decoded(frame: str | bytes) -> ReceivedPacket:
     return message if isinstance(message, Command) else Rejection("not_from_server", suffix)
 
 
-def _kind(heard: ReceivedPacket) -> Kind:
-    match heard:
+def _kind(packet: ReceivedPacket) -> Kind:
+    match packet:
         case Stop() | EStop():
             return "stop"
         case VelocityCommand():

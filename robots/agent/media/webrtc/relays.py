@@ -39,11 +39,7 @@ Probe = Callable[[RTCIceServer], Awaitable[bool]]
 
 async def answers(server: RTCIceServer, trust: ssl.SSLContext | None = None) -> bool:
     """Tell whether the server's only address answers: a relay with a relayed address, an address
-    server with anything.
-
-    Args:
-        server: of one address.
-        trust: whose certificates are believed over TLS, the system's when None.
+    server with anything. `trust` are the certificates for TLS, the system's when None.
     """
     try:
         asked = connection_kwargs([server])
@@ -51,7 +47,7 @@ async def answers(server: RTCIceServer, trust: ssl.SSLContext | None = None) -> 
             if "turn_server" in asked:
                 await _relayed(asked, trust)
             elif "stun_server" in asked:
-                await _told(asked["stun_server"])
+                await _address_from(asked["stun_server"])
             else:
                 return False
     except FAILURES as error:
@@ -72,7 +68,7 @@ async def _relayed(asked: dict[str, Any], trust: ssl.SSLContext | None) -> None:
     transport.close()
 
 
-async def _told(server: tuple[str, int]) -> None:
+async def _address_from(server: tuple[str, int]) -> None:
     loop = asyncio.get_running_loop()
     answer: asyncio.Future[None] = loop.create_future()
     transport, _ = await loop.create_datagram_endpoint(
@@ -91,7 +87,7 @@ async def _told(server: tuple[str, int]) -> None:
 
 
 class _Ear(asyncio.DatagramProtocol):
-    """Notes the first answer: the socket is joined to one server, so that nobody else is heard."""
+    """Notes the first answer; the socket is connected to one server, the only possible sender."""
 
     def __init__(self, answer: "asyncio.Future[None]") -> None:
         self._answer = answer
@@ -106,13 +102,7 @@ class _Ear(asyncio.DatagramProtocol):
 
 
 class Relays:
-    """What is known of relays and address servers. Belongs to the media loop.
-
-    Args:
-        probe: finds out whether one answers.
-        clock: monotonic seconds.
-        trust: as in `answers`.
-    """
+    """The relays and address servers that `probe` reaches. Belongs to the media loop."""
 
     def __init__(
         self,
@@ -128,22 +118,20 @@ class Relays:
         self._tries: dict[str, asyncio.Task[bool]] = {}
 
     async def usable(self, servers: tuple[IceServer, ...]) -> list[RTCIceServer]:
-        """Return the servers for aiortc: of the address servers and of the relays the one to use,
-        if any answers.
-        """
+        """Return the address server and the relay to use, as far as any answers."""
         tellers, regions = _split(servers)
-        told = [self._ask(teller) for teller in tellers]
+        asked = [self._ask(teller) for teller in tellers]
         relay = await self._first(await self._nearest(regions))
         # An address is told in one message to and fro, and a relay takes two or more: who is silent
         # until then stays so.
-        await _wait_for_one(told, HEAD_START if relay else None)
+        await _wait_for_one(asked, HEAD_START if relay else None)
         teller = next(
-            (teller for teller, task in zip(tellers, told, strict=True) if _says_yes(task)), None
+            (teller for teller, task in zip(tellers, asked, strict=True) if _succeeded(task)), None
         )
         return [server for server in (teller, relay) if server is not None]
 
     def doubt(self) -> None:
-        """Forget what was found: it took as long as if it were no longer so."""
+        """Forget the results: one seems to be out of date."""
         self._known.clear()
 
     async def _nearest(self, regions: list[list[RTCIceServer]]) -> list[RTCIceServer]:
@@ -158,10 +146,10 @@ class Relays:
     async def _first(self, relays: list[RTCIceServer]) -> RTCIceServer | None:
         asked = [self._ask(relay) for relay in relays]
         await _wait_for_one(asked, None)
-        quickest = next((index for index, task in enumerate(asked) if _says_yes(task)), 0)
+        quickest = next((index for index, task in enumerate(asked) if _succeeded(task)), 0)
         await _wait_for_one(asked[:quickest], HEAD_START)
         return next(
-            (relay for relay, task in zip(relays, asked, strict=True) if _says_yes(task)), None
+            (relay for relay, task in zip(relays, asked, strict=True) if _succeeded(task)), None
         )
 
     def _ask(self, server: RTCIceServer) -> "asyncio.Task[bool]":
@@ -182,15 +170,15 @@ class Relays:
         return seconds < float("inf")
 
 
-def _says_yes(task: "asyncio.Task[bool]") -> bool:
+def _succeeded(task: "asyncio.Task[bool]") -> bool:
     return task.done() and task.result()
 
 
 async def _wait_for_one(tasks: list["asyncio.Task[bool]"], seconds: float | None) -> None:
-    """Wait until one of them says yes, none is left that could, or the time is over."""
+    """Wait until one succeeds, all have failed, or the time is over."""
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(seconds):
-            while not any(_says_yes(task) for task in tasks) and (
+            while not any(_succeeded(task) for task in tasks) and (
                 silent := [task for task in tasks if not task.done()]
             ):
                 await asyncio.wait(silent, return_when=asyncio.FIRST_COMPLETED)

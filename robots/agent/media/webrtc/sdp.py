@@ -1,10 +1,9 @@
-"""Reading a page's offer before aiortc does: which lines there are, and which of them the robot's
-picture and sound go to.
+"""Reads a page's offer before aiortc does: its lines, and those for the robot's video and sound.
 
-The page offers every line at once (the robot's picture and sound, its own, a screen's), because
-aiortc cannot renegotiate; a track is put into a line later without anybody noticing. The candidates
-are taken out and given to ICE afterwards: an mDNS name that nobody answers for takes a second to
-fail, and no answer should wait for it.
+The page offers every line at once (the robot's video and sound, its own, a screen's), because
+aiortc cannot renegotiate; a track is put into a line later, unnoticed. The candidates are taken out
+and given to ICE afterwards: an mDNS name without an answer takes a second to fail, and no answer
+should wait for it.
 """
 
 from dataclasses import dataclass
@@ -15,6 +14,8 @@ from aiortc.sdp import SessionDescription, candidate_from_sdp
 from robots.agent.media.rtp import Kind
 
 MAX_LINES = 12
+# what aiortc raises about an offer that it cannot read
+UNREADABLE = (ValueError, LookupError, AssertionError, AttributeError, TypeError)
 
 
 class BadOfferError(ValueError):
@@ -23,9 +24,7 @@ class BadOfferError(ValueError):
 
 @dataclass(frozen=True)
 class MediaLine:
-    """One audio or video line of an offer: whether the page takes something there, and whether it
-    may give something.
-    """
+    """An audio or video line of an offer: whether the page receives or may send there."""
 
     kind: Kind
     takes: bool
@@ -33,21 +32,10 @@ class MediaLine:
 
 
 def media_lines(offer: str) -> tuple[MediaLine, ...]:
-    """Return the audio and video lines of an offer, in order.
-
-    Raises:
-        BadOfferError: not SDP, or too many lines.
-    """
+    """Return an offer's audio and video lines, in order; raises BadOfferError."""
     try:
         description = SessionDescription.parse(offer)
-    except (
-        ValueError,
-        LookupError,
-        AssertionError,
-        AttributeError,
-        TypeError,
-        StopIteration,
-    ) as error:
+    except (*UNREADABLE, StopIteration) as error:
         raise BadOfferError(f"not SDP: {type(error).__name__}") from error
     if (wrong := _what_is_wrong(description)) is not None:
         raise BadOfferError(wrong)
@@ -93,9 +81,7 @@ def _what_is_wrong(description: SessionDescription) -> str | None:
 
 
 def robot_lines(lines: tuple[MediaLine, ...], has: frozenset[Kind]) -> dict[int, Kind]:
-    """Return {index: kind} of the lines that carry what the robot has: the first of each kind on
-    which the page takes something.
-    """
+    """Return {index: kind} of the lines for the robot's media: the first that receives."""
     chosen: dict[int, Kind] = {}
     for index, line in enumerate(lines):
         if line.takes and line.kind in has and line.kind not in chosen.values():
@@ -104,10 +90,10 @@ def robot_lines(lines: tuple[MediaLine, ...], has: frozenset[Kind]) -> dict[int,
 
 
 def visitor_lines(lines: tuple[MediaLine, ...], robot: dict[int, Kind]) -> dict[int, Kind]:
-    """Return {index: kind} of the lines on which the visitor's voice and face come.
+    """Return {index: kind} of the lines for the visitor's voice and face.
 
-    The first that gives sound, which may be the robot's own, and the first beside the robot's that
-    gives pictures; what a second one gives is nobody's.
+    The first that sends sound, which may be the robot's own, and the first beside the robot's that
+    sends video; a second one of a kind is ignored.
     """
     chosen: dict[int, Kind] = {}
     for index, line in enumerate(lines):

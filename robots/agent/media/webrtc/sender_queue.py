@@ -1,8 +1,8 @@
-"""What one viewer still has to be sent: a short queue that never has a hole.
+"""Frames to send to one viewer: a short queue without gaps.
 
-A viewer whose queue or socket fills up is emptied and begins again with a key frame. Late pictures
-are worthless to somebody who drives, and a decoder that misses a delta frame shows rubbish until
-the next key frame.
+A viewer whose queue or socket fills up is emptied and begins again with a key frame. Late frames
+are worthless to a driver, and a decoder that misses a delta frame shows garbage until the next key
+frame.
 """
 
 from collections import deque
@@ -16,23 +16,19 @@ _REMIND = 30  # pictures skipped before asking for a key frame again
 
 
 class ViewerQueue:
-    """The pictures for one viewer, oldest first, always beginning on a key frame; who opens it asks
-    for the first one.
-    """
+    """Frames for one viewer, oldest first, from a key frame on, which the opener requests."""
 
     def __init__(self) -> None:
         self._pictures: deque[Picture] = deque()
         self._started = False
-        self._skipped = 1  # what comes before the first key frame needs no second one
+        self._skipped = 1  # frames before the first key frame ask for no second one
         self.restarts = 0
 
     def __len__(self) -> int:
         return len(self._pictures)
 
     def put(self, picture: Picture, backlog: int = 0) -> bool:
-        """Queue a picture, given the bytes that wait in the socket; True means that this viewer now
-        needs a key frame.
-        """
+        """Queue a frame, given the socket's backlog; True when a key frame is needed."""
         if self._started and (len(self._pictures) >= DEPTH or backlog > MAX_BACKLOG):
             self._restart()
         if self._started or (picture.key and backlog <= MAX_BACKLOG):

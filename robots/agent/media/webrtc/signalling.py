@@ -47,16 +47,7 @@ _CODECS = {"video": "video/VP8", "audio": "audio/opus"}
 
 # What aiortc raises about an offer that it cannot use.
 _AIORTC_SAYS = (InternalError, InvalidAccessError, InvalidStateError, OperationError)
-UNUSABLE = (
-    ValueError,
-    LookupError,
-    AssertionError,
-    AttributeError,
-    TypeError,
-    RuntimeError,
-    OSError,
-    *_AIORTC_SAYS,
-)
+UNUSABLE = (*sdp.UNREADABLE, RuntimeError, OSError, *_AIORTC_SAYS)
 
 
 @dataclass
@@ -65,13 +56,13 @@ class PageConnection:
 
     Args:
         peer: the peer id that the server made.
-        on_command: called with what every frame from the page says that passed the gate.
+        on_command: called with every message of the page that passed the gate.
         on_open: called when the page has opened a data channel.
         on_end: called with the reason when the connection failed, was closed by the page, or the
             page floods.
         on_media: called with (kind, what is encoded, RTP ticks from 0) for the visitor's voice and
             face; None drops them unread.
-        relays: what is known of relays, shared by all connections of a robot. An empty list of
+        relays: shared by all connections of a robot. An empty list of
             servers means none, where aiortc's default is a stranger's.
     """
 
@@ -100,13 +91,10 @@ class PageConnection:
 
     @property
     def is_connected(self) -> bool:
-        """Tell whether media and data flow."""
         return self._connection is not None and self._connection.connectionState == "connected"
 
     def is_lost(self, now: float) -> bool:
-        """Tell whether this connection came to nothing, or whether its page has gone quiet; `now`
-        is monotonic.
-        """
+        """Tell whether this never connected, or its page is silent; `now` is monotonic."""
         if not self.is_connected:
             return now - self._began > CONNECT_TIMEOUT
         reports = max(
@@ -116,11 +104,7 @@ class PageConnection:
         return reports > 0.0 and now - max(reports, self._last_frame) > SILENCE
 
     async def answer(self, offer: SdpOffer) -> str:
-        """Answer an offer; return the SDP with all candidates.
-
-        Raises:
-            sdp.BadOfferError: the offer cannot be used, or the connection was closed meanwhile.
-        """
+        """Answer an offer with all candidates; BadOfferError when unusable, or closed by then."""
         async with self._opening:
             return await self._answer(offer)
 
@@ -154,9 +138,7 @@ class PageConnection:
         return str(connection.localDescription.sdp)
 
     async def _gather(self, connection: RTCPeerConnection) -> None:
-        """Find our own addresses, of which the answer is made; a server that answered lately and is
-        silent now holds that up, but once.
-        """
+        """Gather our own addresses; a server that has gone silent delays that only once."""
         if self.relays.trust is not None:
             aiortc_hooks.set_turn_tls_context(connection, self.relays.trust)
         began = time.monotonic()
@@ -174,9 +156,7 @@ class PageConnection:
         self._add_candidate(candidate.candidate, candidate.sdp_mid, candidate.sdp_m_line_index)
 
     def send(self, frame: str) -> None:
-        """Send a frame on the page's data channel, or drop it when the channel is not open or
-        behind.
-        """
+        """Send a frame on the data channel; drop it when that is closed or behind."""
         channel = next((channel for channel in self.channels if channel.readyState == "open"), None)
         if channel is None:
             return
@@ -200,16 +180,13 @@ class PageConnection:
                     await aiortc_hooks.close_sockets(self._connection)
 
     async def ask_key_frame(self) -> None:
-        """Ask the page for a whole picture of the visitor."""
         if self._face is not None and self.is_connected:
             await aiortc_hooks.ask_key_frame(self._face)
 
     def _add_lines(
         self, connection: RTCPeerConnection, lines: tuple[sdp.MediaLine, ...]
     ) -> frozenset[int]:
-        """Make a transceiver for every line of the offer, so that aiortc takes them in our order;
-        return those that the visitor speaks on.
-        """
+        """Add a transceiver for each line, in order; return the lines of the visitor."""
         has: set[Kind] = set()
         if self.pictures is not None:
             has.add("video")
@@ -288,9 +265,9 @@ class PageConnection:
 
     def _on_message(self, frame: str | bytes) -> None:
         self._last_frame = time.monotonic()
-        heard = self.gate.take(frame, self._last_frame)
-        if heard is not None:
-            self.on_command(heard)
+        packet = self.gate.take(frame, self._last_frame)
+        if packet is not None:
+            self.on_command(packet)
         elif self.gate.floods and not self._sent_away:
             self._sent_away = True
             log.warning("page_floods", peer=self.peer, counts=dict(self.gate.counts))

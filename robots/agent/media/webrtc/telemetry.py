@@ -1,6 +1,4 @@
-"""What a page is told of a state or a pose: enough to draw and to explain it, and no more than a
-narrow network carries.
-"""
+"""States and poses as pages get them: enough to draw, small enough for a narrow network."""
 
 from typing import Any, TypeVar
 

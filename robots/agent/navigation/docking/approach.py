@@ -1,9 +1,9 @@
 """Into a charging station and out of it.
 
 The map leads to a pose before the station; from there the station's own shape in the laser does,
-because the contacts ask for more than a map can give. Where the station is seen is remembered in
+because the contacts need more precision than a map can give. The station's place is remembered in
 the frame of the odometry, so that one bad sweep means nothing. A try that ends beside the contacts
-is taken back and begun anew.
+is backed out of and repeated.
 
 Distances in this file are in the frame of the docked robot: x < 0 before the station, y aside.
 """
@@ -37,7 +37,7 @@ class DockingParams:
     # s of standing to find the station, before the robot turns to look for it
     look_time: float = 2.0
     search_angle: float = 0.35  # rad to either side
-    sighting_weight: float = 0.5  # share of a new sighting in what is known of the station
+    sighting_weight: float = 0.5  # share of a new sighting in the station's pose
     trusted_after: int = 3  # sightings, before the robot trusts them
     lost_after: float = 2.5  # s without a sighting while farther than `near`
     near: float = 0.25  # m: nearer than this, sightings are good to have and no longer needed
@@ -50,14 +50,14 @@ class DockingParams:
     # m aside close before the station: with more the contacts would miss
     lateral_tolerance: float = 0.045
     heading_tolerance: float = 0.1  # rad, the same
-    lateral_limit: float = 0.3  # m aside: begin anew from before the station
+    lateral_limit: float = 0.3  # m aside: try again from before the station
     press_distance: float = 0.04  # m beyond the docked pose, where the nose meets the station
     seated_at: float = -0.015  # m from the docked pose: a robot whose contacts meet goes on to here
     seating_time: float = 0.7  # s for which it does, at most
     rest_time: float = 10.0  # s from the first contact in which a robot must be docked
     entering_time: float = 45.0  # s for the last metre, at most
     stalled_after: float = 2.5  # s for which the wheels are asked in vain
-    exempt: float = 0.08  # m before the station's front: what stands there is the station
+    exempt: float = 0.08  # m before the station's front that count as the station
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ class UndockingParams:
     speed: float = 0.15  # m/s
     distance: float = 0.4  # m to back out, at least
     turning_room: float = 0.06  # m between the turning robot and the station
-    patience: float = 20.0  # s to wait until what stands behind is gone
+    patience: float = 20.0  # s to wait until it is free behind
     facing: float = 0.1  # rad from straight away from the station, when the robot has turned round
     held_after: float = 5.0  # s after which a robot that cannot turn leaves it at that
     backed_share: float = 0.5  # of the progress: the robot is out and has yet to turn
@@ -78,9 +78,7 @@ UNDOCKING = UndockingParams()
 
 
 class DockingStage(Enum):
-    """What a docking robot is at. A try that fails goes from any stage to BACK, and from there to
-    the next try's APPROACH.
-    """
+    """What a docking robot is doing. A failed try goes to BACK, then to APPROACH again."""
 
     APPROACH = "to where the last metre begins"
     LOOK = "for the station"
@@ -123,7 +121,6 @@ class Docking:
         return self._stage in {DockingStage.APPROACH, DockingStage.LOOK} and self._seen == 0
 
     def step(self, sense: Sense) -> NavigationStep:
-        """Return what to do now."""
         if sense.charger_contact and self._stage is not DockingStage.BACK:
             return self._seat(sense)
         self._contact_since, self._seated, self._presses = None, DockState(), True
@@ -213,9 +210,7 @@ class Docking:
         )
 
     def _seat(self, sense: Sense) -> NavigationStep:
-        """The contacts meet: press on a little, so that they go on meeting; then stand until the
-        robot is docked.
-        """
+        """Press on a little so that the contacts keep meeting; then rest until docked."""
         params = self._params
         self._contact_since = sense.now if self._contact_since is None else self._contact_since
         velocity, released = sense.velocity, not self._presses
@@ -242,7 +237,7 @@ class Docking:
         )
 
     def _again(self, sense: Sense, reason: str) -> NavigationStep:
-        """Take a try back: out, and anew; or give up."""
+        """Back out and try again, or give up."""
         self._why = reason
         self._stage = DockingStage.BACK
         self._out = _Reverse(
@@ -270,9 +265,7 @@ class Docking:
     # --- the last metre ---------------------------------------------------------------------------
 
     def _sight(self, sense: Sense) -> None:
-        """Look for the station in a new sweep, near where it was last seen or
-        where the map has it.
-        """
+        """Look for the station in a new sweep, where it was last seen or the map has it."""
         params = self._params
         if sense.beams.stamp <= self._beams_at:
             return
@@ -329,7 +322,7 @@ class Docking:
         ) or abs(here.y) > params.lateral_limit
 
     def _others(self, sense: Sense) -> Hazards:
-        """Return the hazards without the station and what is behind it."""
+        """Return the hazards without the station and anything behind it."""
         params = self._params
         docked = self._error(sense).inverse()
         front = self._dock.station.distance - params.exempt
@@ -374,7 +367,7 @@ class Docking:
 
 
 class _Reverse:
-    """Back out straight by some metres; wait for what stands behind."""
+    """Back out straight by some metres; wait while something is behind."""
 
     def __init__(
         self,
@@ -394,14 +387,14 @@ class _Reverse:
         params = self._params
         if self._from is None:
             self._from, self._moving_at = sense.odometry, sense.now
-        gone = -self._from.inverse().compose(sense.odometry).x
-        if gone >= self._way:
+        backed = -self._from.inverse().compose(sense.odometry).x
+        if backed >= self._way:
             return (
                 finished()
                 if abs(sense.velocity.linear) <= FOLLOWER.settled
                 else NavigationStep(ZERO, "RUNNING", progress=1.0)
             )
-        speed = min(params.speed, self._limits.reverse, 0.05 + (self._way - gone))
+        speed = min(params.speed, self._limits.reverse, 0.05 + (self._way - backed))
         done = self._check.fastest(
             sense.velocity, Velocity(linear=-speed, angular=0.0), sense.hazards
         )
@@ -413,14 +406,12 @@ class _Reverse:
             done.velocity,
             "RUNNING",
             "" if done.velocity != ZERO else "waits for what stands behind the robot",
-            progress=min(max(gone / max(self._way, 0.01), 0.0), 1.0),
+            progress=min(max(backed / max(self._way, 0.01), 0.0), 1.0),
         )
 
 
 class Undocking:
-    """Back out far enough to turn; with `about`, turn round as well, so that the room is before the
-    robot and no longer its station.
-    """
+    """Back out far enough to turn; with `about`, turn to face away from the station."""
 
     needs_map = False
 
@@ -465,9 +456,7 @@ class Undocking:
         )
 
     def _face_away(self, away: float, sense: Sense) -> NavigationStep:
-        """Turn; the robot is out already, so that it is done too where it has no room or somebody
-        stays in the way.
-        """
+        """Turn; done as well without room, or with a person in the way: the robot is out."""
         params = self._params
         assert self._turn is not None
         error = wrap_angle(away - sense.odometry.theta)

@@ -20,10 +20,10 @@ from robots.world.sensing import Floats, LaserScan, points_in_frame
 
 @dataclass(frozen=True)
 class StationParams:
-    """How the shape of a station is told in a sweep."""
+    """How the shape of a station is recognized in a sweep."""
 
     on_front: float = 0.035  # m from the line that count as on it
-    beyond_edges: float = 0.5  # m beyond either edge, up to which points are looked at
+    beyond_edges: float = 0.5  # m beyond either edge, up to which points count
     least_points: int = 8  # on the front
     least_share: float = 0.75  # of the front's width that must have been seen
     against: float = 1.0  # weight of a point that speaks against a pose
@@ -38,9 +38,7 @@ STATION = StationParams()
 
 @dataclass(frozen=True)
 class SearchWindow:
-    """How far about the expected pose a station is looked for: metres along, metres aside, radians;
-    and the steps between.
-    """
+    """How far about the expected pose to search: metres along, aside, radians, and steps."""
 
     along: float
     aside: float
@@ -55,9 +53,7 @@ NARROW = SearchWindow(along=0.08, aside=0.08, turned=0.1)
 
 @dataclass(frozen=True)
 class Sighting:
-    """The pose of the middle of a station's front in the robot's frame, looking as the docked robot
-    does; `points` lie on it.
-    """
+    """The middle of a station's front in the robot's frame, and how many `points` lie on it."""
 
     front: Pose2D
     points: int
@@ -66,13 +62,8 @@ class Sighting:
 def find(
     beams: LaserScan, expected: Pose2D, station: Station, window: SearchWindow
 ) -> Sighting | None:
-    """Return where the front of a station is, or None when nothing of its shape is there.
-
-    Args:
-        beams: one sweep.
-        expected: the pose of the middle of the front, in the robot's frame at the sweep.
-        station: its shape.
-        window: how far from there it may be.
+    """Return the front of a station in a sweep, or None; `expected` is its middle's pose in the
+    robot's frame at the sweep, `window` how far from there it may be.
     """
     points = beams.points()
     reach = station.width / 2.0 + window.aside + window.along + STATION.beyond_edges
@@ -106,9 +97,7 @@ def _best(points: Floats, expected: Pose2D, station: Station, window: SearchWind
 
 
 def _scores(u: Floats, v: Floats, along: Floats, aside: Floats, station: Station) -> Floats:
-    """Return the scores (a, s) of fronts at `along` x `aside` for points that lie u ahead and v
-    aside of the expected front.
-    """
+    """Return scores (a, s) of fronts at `along` x `aside` for points (u, v) from expected."""
     depth = u[None, :] - along[:, None]
     off = np.abs(v[None, :] - aside[:, None]) - station.width / 2.0
     on_line = (np.abs(depth) <= STATION.on_front).astype(np.float64)
@@ -125,9 +114,7 @@ def _scores(u: Floats, v: Floats, along: Floats, aside: Floats, station: Station
 def _goes_on(
     points: Floats, direction: Floats, normal: Floats, offset: float, ends: tuple[float, float]
 ) -> bool:
-    """Tell whether a line of points goes on beyond its ends: a wall does, the front of a station
-    does not.
-    """
+    """Tell whether points go on beyond a line's ends: those of a wall do, a station's not."""
     along, off = points @ direction, np.abs(points @ normal - offset)
     beyond = (
         (off <= STATION.on_front)
@@ -139,9 +126,7 @@ def _goes_on(
 
 
 def _refined(points: Floats, rough: Pose2D, station: Station) -> Sighting | None:
-    """Return the rough pose, fitted to the points on its front; None when too little of the front
-    is there.
-    """
+    """Return the pose fitted to the points on the front; None when too few are seen."""
     local = points_in_frame(rough, points)
     on_front = (np.abs(local[:, 0]) <= STATION.on_front) & (
         np.abs(local[:, 1]) <= station.width / 2.0 + STATION.on_front

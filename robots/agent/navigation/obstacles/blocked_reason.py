@@ -16,7 +16,7 @@ class ReasonParams:
     """Where it is looked for what blocks a route."""
 
     at_door: float = 0.8  # m from the middle of a doorway: the door is meant
-    routes: int = 4  # that are looked at
+    routes: int = 4  # that are examined
     one_thing: float = 0.8  # m about a blocked point that count as blocked for the same reason
     start_reach: float = 0.6  # m about a robot that has no room, for a place where it has
 
@@ -58,14 +58,10 @@ def _spots(
     way: tuple[tuple[float, float], tuple[float, float]],
     clearance: Floats,
 ) -> list[Floats]:
-    """Return the points (2,) at which the ways of the map are blocked: that of the usual one, that
-    of the next best, and so on.
-    """
-    costmap, spots, known = (
-        obstacle_map.costmap,
-        list[Floats](),
-        np.zeros(obstacle_map.costmap.shape, dtype=np.bool_),
-    )
+    """Return the points (2,) where the best ways on the map are blocked, one each."""
+    costmap = obstacle_map.costmap
+    spots = list[Floats]()
+    known = np.zeros(obstacle_map.costmap.shape, dtype=np.bool_)
     for _ in range(REASON.routes):
         path = planner.plan(*way, costmap.clearance_with(known))
         if path is None:
@@ -84,7 +80,7 @@ def _spots(
 
 
 def _at(obstacle_map: LocalObstacleMap, plan: FloorPlan | None, spot: Floats, now: float) -> str:
-    """Return what is in the way at a point (2,)."""
+    """Return the obstacle at a point (2,)."""
     x, y = float(spot[0]), float(spot[1])
     closed = obstacle_map.doors.closed(now)
     door = next(

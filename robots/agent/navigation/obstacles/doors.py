@@ -26,7 +26,7 @@ class DoorParams:
     near: float = 4.0  # m: doorways farther off are not judged
     in_line: float = 0.15  # m from the leaf's line, within which a beam that ends has met it
     behind: float = 0.3  # m behind it, from which a beam that ends has gone through
-    # share of the doorway left out at either side: frames and open leaves stand there
+    # share of the doorway left out at either side, for frames and open leaves
     frame: float = 0.15
     grazing: float = 0.3  # least sine of the angle between beam and leaf
     votes: int = 4  # beams of one sweep that decide
@@ -37,7 +37,7 @@ DOORS = DoorParams()
 
 
 class DoorWatch:
-    """What is known about the doors of a plan."""
+    """The doors of a plan that were seen closed."""
 
     def __init__(self, plan: FloorPlan | None) -> None:
         self.doors: tuple[Door, ...] = plan.doors if plan else ()
@@ -51,7 +51,6 @@ class DoorWatch:
                 self._judge(door, laser, beams, now)
 
     def closed(self, now: float) -> tuple[Door, ...]:
-        """Return the doors that count as closed."""
         return tuple(
             door
             for door in self.doors
@@ -76,9 +75,7 @@ class DoorWatch:
 
 
 def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
-    """Return how many beams of a sweep met the leaf of a door in its frame, and how many went
-    through the doorway.
-    """
+    """Return how many beams met a door's leaf, and how many went through the doorway."""
     (x0, y0), (x1, y1) = door.start, door.end
     width, height = x1 - x0, y1 - y0
     leaf = np.array(
@@ -108,9 +105,7 @@ def votes(door: Door, laser: Pose2D, beams: LaserScan) -> tuple[int, int]:
 
 
 def _towards(leaf: Floats, laser: Pose2D, beams: LaserScan) -> npt.NDArray[np.intp]:
-    """Return the numbers of the beams that look between the two ends of a leaf (4,), seen from the
-    laser.
-    """
+    """Return the indices of beams between the ends of a leaf (4,), seen from the laser."""
     first = math.atan2(leaf[1] - laser.y, leaf[0] - laser.x)
     opening = wrap_angle(math.atan2(leaf[3] - laser.y, leaf[2] - laser.x) - first)
     turned = (beams.angles + (laser.theta - first - opening / 2.0) + math.pi) % math.tau - math.pi

@@ -19,7 +19,7 @@ class LostObstacleParams:
     """Whom the robot remembers when they walk out of its sight."""
 
     hold: float = 2.5  # s
-    near: float = 1.6  # m from the robot, within which somebody is remembered
+    near: float = 1.6  # m from the robot, within which a person is remembered
     points: int = 12  # of a sweep, at most
 
 
@@ -46,9 +46,7 @@ class LostObstacles:
             )
 
     def out_of_sight(self, now: float, odometry: Pose2D, beams: LaserScan) -> Floats:
-        """Return the points (m, 2), in the robot's frame at `odometry`, that no beam of the laser
-        looks at any more.
-        """
+        """Return points (m, 2) in the robot's frame that the laser no longer covers."""
         while self._seen and now - self._seen[0][0] > self._params.hold:
             self._seen.popleft()
         if not self._seen:

@@ -3,7 +3,7 @@ the laser met them.
 
 A cell of the map is marked while something is seen in it, and free again when the laser looks
 through it. Out of sight, what stood there for long is remembered for long, and what was passing by
-is soon forgotten. What has not stood still for `settled` seconds may be somebody who walks.
+is soon forgotten. What has not been still for `settled` seconds may be a person who walks.
 """
 
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ from robots.world.solids import leaf_end
 class LocalMapParams:
     """How what the laser sees becomes marks on the map, and for how long."""
 
-    on_map: float = 0.2  # m: what is seen so close to something of the map is that thing
+    on_map: float = 0.2  # m: points so close to something of the map are part of it
     marked: float = 4.0  # m up to which the laser is trusted to mark a cell
     seen_through: float = 0.15  # m before the end of a beam, from which its way counts as free
     nearest_cell: float = 0.05  # m: a cell that is nearer is taken to be seen from there
     sure: float = 2.0  # m: what was marked from farther off is worth a closer look
-    noted: float = 0.8  # m: what is so near may be what holds the robot
-    settled: float = 10.0  # s after which what stands still is a thing
-    flicker: float = 1.0  # s: a mark that comes back within this time was never away
+    noted: float = 0.8  # m: obstacles so near may hold the robot
+    settled: float = 10.0  # s after which a still obstacle counts as a thing
+    flicker: float = 1.0  # s: a mark that returns within this time was never away
     # s: the same of one that no beam has passed since; the edge of what counts as the map's falls
     # into the next cell at times
     unpassed: float = 5.0
@@ -82,9 +82,7 @@ class LocalObstacleMap:
         self._mark(rows[which], columns[which], now)
 
     def note(self, robot: Pose2D, points: Floats, now: float) -> None:
-        """Mark points (n, 2) in the robot's frame that keep it from moving and may be remembered
-        from longer ago.
-        """
+        """Mark points (n, 2) in the robot's frame that keep it from moving."""
         params = self._params
         close = points[np.hypot(points[:, 0], points[:, 1]) <= params.noted]
         rows, columns, inside = self.costmap.cells(points_from_frame(robot, close))
@@ -121,9 +119,7 @@ class LocalObstacleMap:
         return self._clearance_with(self.live(now))
 
     def room_at(self, points: Floats, now: float) -> Floats:
-        """Return `clearance` (n,) at points (n, 2) of the map: much sooner than all of it, for a
-        few points.
-        """
+        """Return `clearance` (n,) at a few map points (n, 2), faster than the whole map."""
         rows, columns, inside = self.costmap.cells(points)
         room: Floats = np.where(inside, self.costmap.clearance[rows, columns], 0.0)
         down, right = self._live_cells(now)
@@ -135,17 +131,13 @@ class LocalObstacleMap:
         return np.minimum(room, beside)
 
     def _clearance_with(self, live: Bools) -> Floats:
-        """Return the clearance with live cells; the last answer is kept, because often nothing has
-        changed.
-        """
+        """Return the clearance with live cells; cached, because often nothing has changed."""
         if self._known is None or not np.array_equal(self._known[0], live):
             self._known = live, self.costmap.clearance_with(live)
         return self._known[1]
 
     def clearance_nearby(self, robot: Pose2D, now: float) -> Floats:
-        """Return the same, but leave out what was marked farther off than `sure`, and is no closed
-        door.
-        """
+        """Return the clearance without marks beyond `sure` metres, except closed doors."""
         live = self.live(now)
         rows, columns = np.nonzero(live)
         spots = self.costmap.centres(rows, columns)
@@ -156,9 +148,7 @@ class LocalObstacleMap:
         return self._clearance_with(live)
 
     def strange(self, robot: Pose2D, points: Floats, now: float) -> Bools:
-        """Tell for points (n, 2) in the robot's frame which are of nothing on the map, nor of a
-        door.
-        """
+        """Tell which points (n, 2) in the robot's frame are neither on the map nor of a door."""
         seen, (rows, columns, inside) = self._cells(robot, points)
         result: Bools = inside & (self.costmap.clearance[rows, columns] > self._params.on_map)
         which = np.flatnonzero(result)
@@ -167,9 +157,7 @@ class LocalObstacleMap:
         return result
 
     def _cells(self, robot: Pose2D, points: Floats) -> tuple[Floats, tuple[Cells, Cells, Bools]]:
-        """Return points (n, 2) in the robot's frame as points of the map, and their cells; the last
-        answer is kept for who asks again.
-        """
+        """Return points (n, 2) of the robot's frame on the map, and their cells; cached."""
         asked = self._asked
         if asked is None or asked[0] != robot or asked[1] is not points:
             seen = points_from_frame(robot, points)
@@ -177,24 +165,18 @@ class LocalObstacleMap:
         return asked[2], asked[3]
 
     def settled(self, robot: Pose2D, points: Floats, now: float) -> Bools:
-        """Tell for points (n, 2) in the robot's frame where something has stood still for long,
-        there or in the next cell.
-        """
+        """Tell which points (n, 2) in the robot's frame were long occupied, give or take a cell."""
         rows, columns, _ = self.costmap.cells(points_from_frame(robot, points))
         high, wide = self.costmap.shape
-        down, right = (
-            np.minimum(np.maximum(rows + AROUND[0], 0), high - 1),
-            np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1),
-        )
+        down = np.minimum(np.maximum(rows + AROUND[0], 0), high - 1)
+        right = np.minimum(np.maximum(columns + AROUND[1], 0), wide - 1)
         result: Bools = (
             self._there[down, right] & (now - self._first[down, right] >= self._params.settled)
         ).any(axis=0)
         return result
 
     def _leaf(self, points: Floats, now: float) -> Bools:
-        """Tell for points (n, 2) of the map whether they lie on the leaf of a
-        door, open or closed.
-        """
+        """Tell which map points (n, 2) lie on a door's leaf, open or closed."""
         if not self._leaves:
             return np.zeros(len(points), dtype=np.bool_)
         closed = {door.name for door in self.doors.closed(now)}
@@ -206,9 +188,7 @@ class LocalObstacleMap:
         return result
 
     def _clear(self, laser: Pose2D, beams: LaserScan) -> None:
-        """Free the cells that a beam passes; the few that are marked are asked, not the many that
-        the beams cross.
-        """
+        """Free marked cells that a beam passes; only these few are checked."""
         params = self._params
         rows, columns = np.nonzero(self._there)
         if len(rows) == 0:
@@ -247,9 +227,7 @@ class LocalObstacleMap:
 
 
 def moved(points: Floats, before: Pose2D, after: Pose2D) -> Floats:
-    """Return points (n, 2), seen from `before`, as they are seen from `after`; both poses in one
-    frame.
-    """
+    """Return points (n, 2) seen from `before` as seen from `after`, poses of one frame."""
     return points_in_frame(after, points_from_frame(before, points))
 
 

@@ -33,9 +33,7 @@ RECENT = RecentSweepsParams()
 
 
 class RecentSweeps:
-    """The points of the last sweeps near a robot whose corners are up to `circumscribed` metres
-    from its centre, in the frame of the odometry.
-    """
+    """Points of recent sweeps within reach of the robot, in the frame of the odometry."""
 
     def __init__(self, circumscribed: float, params: RecentSweepsParams = RECENT) -> None:
         self._params = params
@@ -43,7 +41,6 @@ class RecentSweeps:
         self._kept: deque[tuple[float, Pose2D, Floats]] = deque(maxlen=params.sweeps)
 
     def take(self, odometry: Pose2D, beams: LaserScan) -> None:
-        """Take a sweep that was measured at an odometry pose."""
         points = beams.points()
         near = points[np.hypot(points[:, 0], points[:, 1]) <= self._reach]
         self._kept.append((beams.stamp, odometry, points_from_frame(odometry, near)))

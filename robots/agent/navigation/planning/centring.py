@@ -2,7 +2,7 @@
 
 In a gap that is hardly wider than the robot, half a cell decides whether it touches, and so do a
 few centimetres of error in its pose. There each point of a path is moved across it to where the
-least distance to what stands on both sides is largest: the ridge of the clearance. What stands on
+least distance to obstacles on both sides is largest: the ridge of the clearance. An obstacle on
 one side only draws nothing aside. A plan is moved so between the squares of the occupied cells,
 and once more, while it is driven, between what the laser sees.
 """
@@ -28,7 +28,7 @@ class CentringParams:
     step: float = 0.01  # m between two places that are tried
     alike: float = 0.001  # m of room that are worth no move
     blend: float = 0.2  # m along the path over which moves are made alike
-    fade: float = 0.5  # m before and behind a narrow place over which the path comes back
+    fade: float = 0.5  # m before and behind a narrow place over which the path returns
     from_end: float = 0.5  # m over which it leaves its ends, which stay where they are
     along: int = 3  # points to both sides from which the direction is taken
 
@@ -39,9 +39,7 @@ Distances = Callable[[Floats], Floats]
 
 
 def centred_on_map(line: Floats, way: Floats, clearance: Floats, costmap: CostMap) -> Floats:
-    """Return a line (n, 2), whose points lie (n,) metres along it, in the middle of the narrow
-    places of `clearance` (h, w).
-    """
+    """Return a line (n, 2), `way` (n,) metres along, centred in its narrow places."""
     enough = costmap.inscribed + CENTRING.tight
     narrow = np.flatnonzero(costmap.sample(clearance, line) < enough)
     cells = _occupied_about(line[narrow], enough + CENTRING.aside, clearance, costmap)
@@ -84,10 +82,10 @@ def _centred(
     enough = half_width + params.tight
     rooms = np.minimum(distances(tried.reshape(-1, 2)), enough).reshape(len(narrow), -1)
     most = rooms.max(axis=1)
-    # what leaves no room in the middle is before the robot, not beside it
+    # an obstacle that leaves no room in the middle is before the robot, not beside it
     shut = way[narrow][most <= half_width - params.too_tight]
     gap = _nearest(way[narrow], shut) > params.fade
-    # beside what stands on one side only there is the more room the farther away
+    # with an obstacle on one side only, room grows with the distance
     gap &= np.maximum(rooms[:, 0], rooms[:, -1]) < most - params.alike
     if not gap.any():
         return line
@@ -122,9 +120,7 @@ def _normals(line: Floats, which: Cells, along: int) -> Floats:
 
 
 def _occupied_about(spots: Floats, reach: float, clearance: Floats, costmap: CostMap) -> Floats:
-    """Return (k, 2) the centres of the occupied cells within `reach` metres of some of (m, 2)
-    points.
-    """
+    """Return (k, 2) centres of the occupied cells within `reach` metres of (m, 2) points."""
     rows, columns, _ = costmap.cells(spots)
     high, wide = costmap.shape
     size = math.ceil(reach / costmap.transform.resolution)
@@ -137,9 +133,7 @@ def _occupied_about(spots: Floats, reach: float, clearance: Floats, costmap: Cos
 
 
 def _to_squares(cells: Floats, costmap: CostMap) -> Distances:
-    """Return what tells how far points are from the nearest of the squares about centres (k, 2) of
-    cells.
-    """
+    """Return the distance function to the squares about cell centres (k, 2)."""
     tree = cKDTree(cells)
     half, theta = costmap.transform.resolution / 2.0, costmap.transform.origin.theta
     cosine, sine = math.cos(theta), math.sin(theta)

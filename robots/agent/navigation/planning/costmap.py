@@ -1,7 +1,7 @@
 """Where a robot may be, and what it costs to be there: a map seen with the eyes of one footprint.
 
 The clearance of a cell is the distance from its centre to the nearest thing. A robot's centre can
-never stand where the clearance is smaller than the footprint's inscribed radius; beyond that it
+never be where the clearance is smaller than the footprint's inscribed radius; beyond that it
 becomes cheaper with more room, until there is plenty.
 """
 
@@ -34,9 +34,7 @@ COSTMAP = CostMapParams()
 
 
 class NoWayError(ValueError):
-    """There is no way, or no place to go to; the message is one sentence for whoever sent the
-    robot.
-    """
+    """There is no way or place to go to; the message is one sentence for the user."""
 
 
 class CostMap:
@@ -60,13 +58,10 @@ class CostMap:
 
     @property
     def shape(self) -> tuple[int, int]:
-        """Rows and columns."""
         return self.free.shape[0], self.free.shape[1]
 
     def cells(self, points: Floats) -> tuple[Cells, Cells, Bools]:
-        """Return rows, columns (clipped to the map) and whether they lie in the map, of (n, 2)
-        points in metres.
-        """
+        """Return rows and columns (clipped) of points (n, 2) in metres, and which are inside."""
         origin, resolution = self.transform.origin, self.transform.resolution
         x, y = points[:, 0] - origin.x, points[:, 1] - origin.y
         cosine, sine = math.cos(origin.theta) / resolution, math.sin(origin.theta) / resolution
@@ -106,26 +101,20 @@ class CostMap:
         )
 
     def cost(self, clearance: Floats) -> Floats:
-        """Return (h, w) what a metre costs in each cell, 1 with plenty of room, `inf` where the
-        robot cannot be.
-        """
+        """Return (h, w) the price of a metre: 1 with plenty of room, `inf` without enough."""
         plenty = self.circumscribed + COSTMAP.plenty
         tightness = np.clip((plenty - clearance) / (plenty - self.least), 0.0, 1.0)
         return np.where(clearance >= self.least, 1.0 + COSTMAP.narrow * tightness**2, math.inf)
 
 
 def room(free: Bools, resolution: float) -> Floats:
-    """Return (h, w) the distance in metres from the centre of each cell to the nearest cell that is
-    not free, less half a cell.
-    """
+    """Return (h, w) metres from each cell to the nearest that is not free, less half a cell."""
     distance: Floats = np.asarray(distance_transform_edt(np.pad(free, 1)))[1:-1, 1:-1] * resolution
     return np.maximum(distance - resolution / 2.0, 0.0)
 
 
 def _coarsened(grid: OccupancyGrid) -> tuple[Bools, MapTransform]:
-    """Return what is free, and where it lies, in cells of about the size wanted; a cell is free
-    when all of it is.
-    """
+    """Return free cells and transform at about COSTMAP.resolution; free means wholly free."""
     free = grid.free()
     factor = max(1, round(COSTMAP.resolution / grid.transform.resolution))
     if factor == 1:

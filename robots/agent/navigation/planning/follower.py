@@ -54,9 +54,7 @@ State = Literal["driving", "held", "arrived"]
 
 @dataclass(frozen=True)
 class Followed:
-    """What to ask of the base; `held` when something keeps it from moving: `why` is "thing" or
-    "walker".
-    """
+    """What to ask of the base; `why` it is held: "thing" or "walker"."""
 
     velocity: Velocity
     state: State
@@ -117,9 +115,7 @@ class Follower:
     def turn(
         self, error: float, velocity: Velocity, hazards: Hazards, tolerance: float
     ) -> Followed:
-        """Turn on the spot by `error` radians; arrived within `tolerance`. Where the near side is
-        blocked, the long way round is tried.
-        """
+        """Turn in place by `error` radians to within `tolerance`, the long way if blocked."""
         params = self._params
         if abs(error) <= tolerance:
             self._side, self._long_way = 0.0, False

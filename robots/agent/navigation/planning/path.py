@@ -22,26 +22,20 @@ class PlannedPath:
 
     @property
     def length(self) -> float:
-        """The whole way in metres."""
         return float(self.way[-1])
 
     @property
     def end(self) -> tuple[float, float]:
-        """The last point."""
         return float(self.points[-1, 0]), float(self.points[-1, 1])
 
     def at(self, way: float) -> tuple[float, float]:
-        """Return the point `way` metres from the start; before it the first, behind the end the
-        last.
-        """
+        """Return the point `way` metres from the start, within the line's ends."""
         return float(np.interp(way, self.way, self.points[:, 0])), float(
             np.interp(way, self.way, self.points[:, 1])
         )
 
     def nearest(self, x: float, y: float, start: float, stop: float) -> float:
-        """Return the way, between `start` and `stop`, of the point of the line
-        nearest to (x, y).
-        """
+        """Return the way, from `start` to `stop`, of the line's point nearest to (x, y)."""
         here = (self.way >= start - SPACING) & (self.way <= stop + SPACING)
         if not here.any():
             return min(max(start, 0.0), self.length)
@@ -55,9 +49,7 @@ class PlannedPath:
         return chosen if len(chosen) else self.points[-1:]
 
     def sharpest_bend(self, start: float, stop: float) -> float:
-        """Return the largest curvature in 1/m between two ways, from the turn over a quarter of a
-        metre.
-        """
+        """Return the largest curvature (1/m) between two ways, over a quarter of a metre."""
         ways = np.arange(start, min(stop, self.length - 0.125), SPACING)
         if len(ways) == 0:
             return 0.0
@@ -74,9 +66,7 @@ class PlannedPath:
 
 
 def resampled(points: Floats, spacing: float = SPACING) -> Floats:
-    """Return the same line with a point about every `spacing` metres, first and last kept, doubles
-    left out.
-    """
+    """Return the line with a point about every `spacing` metres, without doubles."""
     steps = np.hypot(*np.diff(points, axis=0).T)
     kept: Floats = points[np.concatenate([[True], steps > 1e-9])]
     if len(kept) == 1:

@@ -10,13 +10,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
-from scipy.sparse import csr_matrix
-from scipy.sparse.csgraph import dijkstra
 
 from robots.agent.navigation.planning.centring import centred_on_map
 from robots.agent.navigation.planning.costmap import Bools, CostMap, NoWayError
 from robots.agent.navigation.planning.path import PlannedPath, resampled
+from robots.world.cell_graph import CellGraph
 from robots.world.sensing import Floats
 
 
@@ -24,7 +22,7 @@ from robots.world.sensing import Floats
 class PlannerParams:
     """How a way is searched and made straight."""
 
-    goal_reach: float = 0.5  # m within which the nearest place stands for a goal in a wall
+    goal_reach: float = 0.5  # m within which the nearest place replaces a goal in a wall
     start_reach: float = 0.6  # m within which a robot that touches something looks for its way out
     dearer: float = 1.02  # times the cells that it replaces, which a straight line may cost
     smoothing_rounds: int = 40  # at most
@@ -33,10 +31,6 @@ class PlannerParams:
 
 
 PLANNER = PlannerParams()
-EDGES = ((0, 1), (1, 0), (1, 1), (1, -1))  # to half of the eight neighbours; the others look back
-
-
-Indices = npt.NDArray[np.intp]
 
 
 class Planner:
@@ -44,24 +38,18 @@ class Planner:
 
     def __init__(self, costmap: CostMap) -> None:
         self.costmap = costmap
-        possible = costmap.clearance >= costmap.least
-        self._node = np.full(costmap.shape, -1, dtype=np.intp)
-        self._node[possible] = np.arange(int(possible.sum()))
-        self._rows, self._columns = np.nonzero(possible)
-        self._edges = _Edges(self._node, costmap.transform.resolution)
+        self._graph = CellGraph(costmap.clearance >= costmap.least, costmap.transform.resolution)
         self._rim = _rim(costmap.footprint)
 
     def place_near(
         self, x: float, y: float, clearance: Floats, reach: float
     ) -> tuple[float, float] | None:
-        """Return the point itself when a robot can stand there, else the nearest cell within
-        `reach` metres, or None.
-        """
+        """Return a free point, else the nearest free cell within `reach` metres, or None."""
         if float(self.costmap.sample(clearance, np.array([[x, y]]))[0]) >= self.costmap.least:
             return x, y
-        centres = self.costmap.centres(self._rows, self._columns)
+        centres = self.costmap.centres(self._graph.rows, self._graph.columns)
         distances = np.hypot(centres[:, 0] - x, centres[:, 1] - y)
-        distances[clearance[self._rows, self._columns] < self.costmap.least] = math.inf
+        distances[clearance[self._graph.rows, self._graph.columns] < self.costmap.least] = math.inf
         nearest = int(np.argmin(distances))
         return (
             None
@@ -70,11 +58,7 @@ class Planner:
         )
 
     def goal(self, x: float, y: float) -> tuple[float, float]:
-        """Return where the map lets the robot stand for a goal: there, or nearby.
-
-        Raises:
-            NoWayError: the goal is no number, off the map, or too deep in something.
-        """
+        """Return a free place for a goal: there, or nearby; raises NoWayError."""
         if not (math.isfinite(x) and math.isfinite(y)):
             raise NoWayError("the goal's x or y is not a number")
         if not bool(self.costmap.cells(np.array([[x, y]]))[2][0]):
@@ -89,9 +73,7 @@ class Planner:
     def plan(
         self, start: tuple[float, float], goal: tuple[float, float], clearance: Floats
     ) -> PlannedPath | None:
-        """Return the way from start to goal through `clearance` (h, w), or None
-        when there is none.
-        """
+        """Return the way from start to goal through `clearance` (h, w), or None."""
         begin = self.place_near(*start, clearance, PLANNER.start_reach)
         if (
             begin is None
@@ -121,31 +103,23 @@ class Planner:
         return bool((self.costmap.sample(clearance, line) >= self.costmap.least).all())
 
     def line(self, start: tuple[float, float], goal: tuple[float, float]) -> PlannedPath:
-        """Return the straight line between two points, as it is."""
         return PlannedPath(resampled(np.array([start, goal])))
 
     def _cheapest(
         self, start: tuple[float, float], goal: tuple[float, float], cost: Floats
     ) -> Floats | None:
         """Return the centres (n, 2) of the cells of the cheapest way."""
-        nodes = self._node[self.costmap.cells(np.array([start, goal]))[:2]]
-        if (nodes < 0).any():
+        start_node, goal_node = self._graph.node[self.costmap.cells(np.array([start, goal]))[:2]]
+        if min(start_node, goal_node) < 0:
             return None
-        graph = self._edges.graph(cost[self._rows, self._columns])
-        distances, before = dijkstra(
-            graph, directed=True, indices=nodes[1], return_predecessors=True
-        )
-        if not math.isfinite(float(distances[nodes[0]])):
+        price = cost[self._graph.rows, self._graph.columns]
+        nodes = self._graph.path(int(start_node), int(goal_node), price)
+        if not nodes:
             return None
-        way = [int(nodes[0])]
-        while way[-1] != nodes[1]:
-            way.append(int(before[way[-1]]))
-        return self.costmap.centres(self._rows[way], self._columns[way])
+        return self.costmap.centres(self._graph.rows[nodes], self._graph.columns[nodes])
 
     def _straightened(self, line: Floats, cost: Floats) -> Floats:
-        """Return the corners (m, 2) of a line with straight legs instead of many cells, where that
-        costs no more.
-        """
+        """Return corners (m, 2) with straight legs instead of cells, if that costs no more."""
         here_cost = self.costmap.sample(cost, line)
         steps = np.hypot(*np.diff(line, axis=0).T) * (here_cost[:-1] + here_cost[1:]) / 2.0
         prices = np.concatenate([[0.0], np.cumsum(steps)])
@@ -170,9 +144,7 @@ class Planner:
         return float(cost[rows, columns].mean()) * math.dist(start, end)
 
     def _rounded(self, corners: Floats, cost: Floats) -> Floats:
-        """Return the line with points every 10 cm, its corners rounded where the floor beside them
-        is no dearer.
-        """
+        """Return the line every 10 cm, corners rounded where the floor there is no dearer."""
         line = resampled(corners, 0.1)
         for _ in range(PLANNER.smoothing_rounds if len(line) > 2 else 0):
             moved = line.copy()
@@ -195,9 +167,7 @@ class Planner:
         return path if self._misfits(line, clearance).any() else PlannedPath(resampled(line))
 
     def _misfits(self, line: Floats, clearance: Floats) -> Bools:
-        """Tell for points (n, 2) of a line whether the footprint, looking along it, stands in
-        something there.
-        """
+        """Tell at which points (n, 2) of a line the footprint, heading along it, does not fit."""
         tight = self.costmap.sample(clearance, line) < self.costmap.circumscribed
         # A robot may begin and end beside something, where it turns as it must; what it would touch
         # there stops it (safety/collision/braking.py).
@@ -218,41 +188,6 @@ class Planner:
         stuck = np.zeros(len(line), dtype=np.bool_)
         stuck[tight] = inside.any(axis=1)
         return stuck
-
-
-class _Edges:
-    """The edges between free cells and their eight neighbours, both ways, in the order in which a
-    sparse matrix keeps them.
-
-    `node` (h, w) are the numbers of the free cells, -1 elsewhere; `resolution` in metres.
-    """
-
-    def __init__(self, node: Indices, resolution: float) -> None:
-        first, second, lengths = [], [], []
-        high, wide = node.shape
-        for down, right in EDGES:
-            here = node[: high - down, max(0, -right) : wide - max(0, right)]
-            there = node[down:, max(0, right) : wide + min(0, right)]
-            joined = (here >= 0) & (there >= 0)
-            first += [here[joined], there[joined]]
-            second += [there[joined], here[joined]]
-            lengths.append(np.full(2 * int(joined.sum()), math.hypot(down, right) * resolution))
-        begin, end = np.concatenate(first), np.concatenate(second)
-        order = np.lexsort((end, begin))
-        self._begin, self._end, self._halves = (
-            begin[order],
-            end[order].astype(np.int32),
-            np.concatenate(lengths)[order] / 2.0,
-        )
-        self._count = int(node.max()) + 1
-        self._rows = np.searchsorted(self._begin, np.arange(self._count + 1)).astype(np.int32)
-
-    def graph(self, price: Floats) -> csr_matrix:
-        """Return what it costs to go from each free cell to its neighbours, at prices (n,) a metre
-        in each.
-        """
-        weights = self._halves * (price[self._begin] + price[self._end])
-        return csr_matrix((weights, self._end, self._rows), shape=(self._count, self._count))
 
 
 def _line(start: Floats, end: Floats, spacing: float) -> Floats:

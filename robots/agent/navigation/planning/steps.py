@@ -1,4 +1,4 @@
-"""What navigation is told at each step, and what it answers."""
+"""Inputs and outputs of a step of navigation."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -17,9 +17,7 @@ NOWHERE: Floats = np.zeros((0, 2))
 
 @dataclass(frozen=True, eq=False)
 class Sense:
-    """One moment: `pose` in the map, `odometry` in its own frame, both now; `beams` were measured
-    at `beams_from`, an odometry pose.
-    """
+    """One moment: `pose` on the map, `odometry`; `beams` were taken at odometry `beams_from`."""
 
     now: float
     pose: Pose2D

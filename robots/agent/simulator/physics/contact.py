@@ -34,9 +34,7 @@ def normals(outline: Floats) -> Floats:
 
 
 class Convex(NamedTuple):
-    """A convex outline (n, 2) with what separates it from others: the normals (n, 2) of its sides
-    and how far along each of them the sides lie (n,).
-    """
+    """A convex outline (n, 2), its sides' normals (n, 2) and their offsets (n,)."""
 
     outline: Floats
     normals: Floats
@@ -44,7 +42,6 @@ class Convex(NamedTuple):
 
     @classmethod
     def of(cls, outline: Floats, across: Floats) -> "Convex":
-        """Return an outline with the normals of its sides."""
         return cls(outline, across, (across * outline).sum(axis=1))
 
 
@@ -94,7 +91,6 @@ class Shape:
     high: Floats
 
     def gap_to(self, outline: Floats) -> tuple[float, Floats]:
-        """Return `gap` between an outline and this."""
         return gap(Convex.of(outline, normals(outline)), self.convex)
 
     def moved(self, name: str, x: float, y: float) -> "Shape":
@@ -107,7 +103,6 @@ class Shape:
 
 
 def shape(solid: Solid) -> Shape:
-    """Return a solid, ready to be asked."""
     outline = solid.outline
     return Shape(
         solid,
@@ -127,9 +122,7 @@ class Hit(NamedTuple):
 
 
 class Obstacles:
-    """Solids, ready to be asked. Immutable: when a door moves, make new ones; what walks is
-    `others`, said with each question.
-    """
+    """Solids, prepared; immutable: make new ones when a door moves. What walks is `others`."""
 
     def __init__(self, solids: tuple[Solid, ...]) -> None:
         self.solids = solids
@@ -142,9 +135,7 @@ class Obstacles:
         self._asked: tuple[Floats, float] | None = None
 
     def free_about(self, x: float, y: float) -> float:
-        """Return metres around a point that are surely free: at most the true distance, less by up
-        to the step of a coarse lattice.
-        """
+        """Return metres about a point that are surely free: a lower bound from a lattice."""
         key = (math.floor(x / LATTICE), math.floor(y / LATTICE))
         if key not in self._free:
             middle = np.array([[(key[0] + 0.5) * LATTICE, (key[1] + 0.5) * LATTICE]])
@@ -172,9 +163,7 @@ class Obstacles:
         )
 
     def clearance(self, outline: Floats) -> float:
-        """Return the distance in metres from an outline to the nearest solid, `inf` in an empty
-        world.
-        """
+        """Return metres from an outline to the nearest solid, `inf` without any."""
         if not self.solids:
             return math.inf
         apart = np.maximum(
@@ -199,7 +188,7 @@ class Obstacles:
         dt: float,
         others: tuple[Shape, ...] = (),
     ) -> ContactMove:
-        """Drive for `dt` seconds; what stands in the way stops the robot or lets it slide along."""
+        """Drive for `dt` seconds; obstacles stop the robot or let it slide along."""
         reach = self._reach_of(footprint)
         travel = (abs(motion.linear) + abs(motion.angular) * reach) * dt
         if not others and self.free_about(pose.x, pose.y) > reach + travel + SKIN:
@@ -240,9 +229,7 @@ class Obstacles:
         return pose, touched
 
     def _reach_of(self, footprint: Floats) -> float:
-        """Return the radius of the circle about the robot's middle that holds its footprint; it is
-        the same one all the time.
-        """
+        """Return the radius about the robot's centre that holds its footprint; cached."""
         if self._asked is None or self._asked[0] is not footprint:
             self._asked = footprint, math.sqrt(float((footprint**2).sum(axis=1).max()))
         return self._asked[1]
@@ -250,9 +237,7 @@ class Obstacles:
     def _pushed_free(
         self, footprint: Floats, pose: Pose2D, longest: float, others: tuple[Shape, ...]
     ) -> tuple[Pose2D | None, set[str]]:
-        """Return the pose moved out of what it overlaps, or None where there is no short way out;
-        and what it met.
-        """
+        """Return the pose pushed out of overlaps, None without a short way; and what it met."""
         touched = set[str]()
         x, y = pose.x, pose.y
         for _ in range(PUSHES):

@@ -1,11 +1,10 @@
 """Doors that swing: each leaf turns about its hinge at a steady speed, once all of its way is free.
 
-Whoever moves a door looks where it goes: while somebody stands in its way it waits, and when
-somebody comes into its way it turns back, so that nobody is caught between leaf and frame. It never
-comes nearer to them than a hand.
+A leaf waits while a person is in its way, and turns back when one steps into it, so that it catches
+no one. It never comes nearer to them than a hand.
 
 A leaf at rest is open or closed; between the two it has a share of its swing, from 0, closed, to 1,
-open. Before the world has begun to move, doors are set at once: they stood so from the beginning.
+open. Before the world has begun to move, doors are set at once: they were so from the beginning.
 """
 
 import math
@@ -15,16 +14,14 @@ from robots.api.floorplan import Door, DoorState, FloorPlan
 from robots.world.solids import Floats, Opening, leaf_solid
 
 SPEED = 1.2  # rad/s: as people close doors behind them
-# metres from a robot, or from somebody's body, at which whoever moves a door holds it
+# metres from a robot or a person at which a leaf stops
 KEPT_OFF = 0.1
 LOOKS = 0.1  # radians of the way between two looks whether it is free
 RESTS: dict[DoorState, float] = {"closed": 0.0, "open": 1.0}
 
 
 class Doors:
-    """The leaves of a plan. `states` are how they rest, or rested last; `moving` the leaves that
-    are on their way.
-    """
+    """A plan's leaves: `states` at rest, or last at rest; `moving` are those under way."""
 
     def __init__(self, plan: FloorPlan, states: dict[str, DoorState]) -> None:
         self.plan = plan
@@ -44,11 +41,11 @@ class Doors:
         return tuple(door for door in self.plan.doors if door.name not in self._on_the_way)
 
     def want(self, doors: dict[str, DoorState]) -> None:
-        """Take what somebody wants; unknown names are ignored."""
+        """Take wanted states; unknown names are ignored."""
         self._wanted |= {name: state for name, state in doors.items() if name in self.states}
 
     def set_at_once(self, in_the_way: list[Floats]) -> bool:
-        """Put every leaf where it is wanted and nothing is in the way; tell whether any moved."""
+        """Put every leaf where it is wanted, if that is free; tell whether any moved."""
         changed = [
             door for door in self.plan.doors if self._wanted[door.name] != self.states[door.name]
         ]
@@ -77,13 +74,10 @@ class Doors:
         return set(self._on_the_way) != before
 
     def is_still(self) -> bool:
-        """Tell whether every leaf rests where it is wanted."""
         return not self._on_the_way and self._wanted == self.states
 
     def _turn(self, door: Door, dt: float, in_the_way: list[Floats]) -> bool:
-        """Turn one leaf towards where it is wanted, or back when something has come into its way;
-        tell whether it moved.
-        """
+        """Turn one leaf towards its goal, or back when blocked; tell whether it moved."""
         rest, goal = RESTS[self.states[door.name]], RESTS[self._wanted[door.name]]
         here = self._on_the_way.get(door.name, rest)
         near = _within_reach(door, in_the_way)
@@ -115,9 +109,7 @@ def _within_reach(door: Door, in_the_way: list[Floats]) -> list[Floats]:
 
 
 def _comes_near(door: Door, here: float, there: float, outlines: list[Floats]) -> bool:
-    """Tell whether a leaf comes too near to one of the outlines between two openings, nearer than
-    it is.
-    """
+    """Tell whether a leaf, between two openings, gets too near to an outline, and nearer."""
     count = max(1, math.ceil(abs((there - here) * door.swing) / LOOKS))
     now = shape(leaf_solid(door, here))
     least = [(outline, min(now.gap_to(outline)[0], KEPT_OFF)) for outline in outlines]
@@ -129,9 +121,7 @@ def _comes_near(door: Door, here: float, there: float, outlines: list[Floats]) -
 
 
 def _distance(outline: Floats, point: tuple[float, float]) -> float:
-    """Return at most how far a point is from an outline, in metres: from its circle about the
-    middle.
-    """
+    """Return a lower bound of metres from a point to an outline: to its bounding circle."""
     middle = outline.mean(axis=0)
     radius = math.sqrt(float(((outline - middle) ** 2).sum(axis=1).max()))
     return math.dist((float(middle[0]), float(middle[1])), point) - radius

@@ -24,7 +24,6 @@ STILL = WheelMotion(0.0, 0.0)
 
 
 def clamp(motion: WheelMotion, limits: Limits) -> WheelMotion:
-    """Return the nearest motion that the base can do."""
     linear = min(max(motion.linear, -limits.reverse), limits.linear)
     return WheelMotion(linear, min(max(motion.angular, -limits.angular), limits.angular))
 
@@ -50,9 +49,7 @@ def _towards(current: float, target: float, step: float) -> float:
 
 
 def follow(current: WheelMotion, target: WheelMotion, limits: Limits, dt: float) -> WheelMotion:
-    """Return the speeds after `dt` seconds on the way to `target`, which may lie outside the
-    limits.
-    """
+    """Return the speeds after `dt` seconds towards `target`, clamped to the limits."""
     wanted = clamp(target, limits)
     return WheelMotion(
         approach(
@@ -65,9 +62,7 @@ def follow(current: WheelMotion, target: WheelMotion, limits: Limits, dt: float)
 
 
 def advance(pose: Pose2D, motion: WheelMotion, dt: float) -> Pose2D:
-    """Return the pose after `dt` seconds at constant speeds (Thrun et al., Probabilistic Robotics,
-    equation 5.9).
-    """
+    """Return the pose after `dt` s (Thrun et al., Probabilistic Robotics, equation 5.9)."""
     turn = motion.angular * dt
     theta = pose.theta + turn
     if abs(turn) < STRAIGHT:
@@ -92,10 +87,8 @@ def slip(
     `noise` is the standard deviation of a wheel's relative error over one metre, `separation` the
     distance of the wheels.
     """
-    left, right = (
-        motion.linear - motion.angular * separation / 2.0,
-        motion.linear + motion.angular * separation / 2.0,
-    )
+    left = motion.linear - motion.angular * separation / 2.0
+    right = motion.linear + motion.angular * separation / 2.0
     first, second = rng.standard_normal(2).tolist()
     if noise == 0.0 or dt == 0.0:
         return motion
@@ -105,9 +98,7 @@ def slip(
 
 
 class Encoders(NamedTuple):
-    """What one robot's dead reckoning believes, as shares of the true values: radii of the left and
-    right wheel, their separation.
-    """
+    """Dead reckoning's error: shares of the true wheel radii and of their separation."""
 
     left: float
     right: float
@@ -125,17 +116,13 @@ def draw_encoders(
 
 
 def reckoned(motion: WheelMotion, separation: float, encoders: Encoders) -> WheelMotion:
-    """Return the speeds that the encoders report for wheels that turn as `motion` says
-    (`separation` is the true one, metres).
-    """
+    """Return the speeds that encoders report; `separation` is the true one, in metres."""
     left = (motion.linear - motion.angular * separation / 2.0) * encoders.left
     right = (motion.linear + motion.angular * separation / 2.0) * encoders.right
     return WheelMotion((left + right) / 2.0, (right - left) / (separation * encoders.separation))
 
 
 def tilted(angle: float, target: float, tilt: TiltRange, dt: float) -> float:
-    """Return a head's angle in radians, positive looks down, after `dt` seconds on the way to
-    `target` at the speed of its motor.
-    """
+    """Return the head's angle (radians, positive down) after `dt` s towards `target`."""
     wanted = min(max(target, tilt.minimum), tilt.maximum)
     return _towards(angle, wanted, tilt.speed * dt)

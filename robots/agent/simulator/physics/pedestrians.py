@@ -20,18 +20,18 @@ from robots.world.solids import Floats
 
 PACES = (0.5, 1.2)  # m/s
 STAYS = (1.0, 8.0)  # seconds at a goal
-PATIENCE = (1.5, 4.0)  # seconds before somebody who cannot go on turns round
-AT_WALL = 5.0  # times as soon does somebody turn round whom a wall keeps from going on
+PATIENCE = (1.5, 4.0)  # seconds before a person who is blocked turns round
+AT_WALL = 5.0  # times sooner a person turns round who is blocked by a wall
 SPEEDING_UP = 1.5  # m/s²
 TURNING = 3.0  # rad/s
 ARRIVED = 0.12
 TWO_STEPS = 1.3  # metres in which the legs come round
 SPREAD = 3  # random goals in each room, beside the plan's places
 FROM_DOCK = 1.0  # metres that people keep from charging stations when they stop somewhere
-FROM_ROBOT = 1.2  # metres from a robot where nobody stands at the start
+FROM_ROBOT = 1.2  # metres from a robot that are free of people at the start
 WIDE = 1.1  # metres ahead at which people go round each other
 ASIDE = 0.7  # radians they turn for it
-NEAR = 0.75  # metres from the robot's middle within which somebody may touch it
+NEAR = 0.75  # metres from the robot's middle within which a person may touch it
 APART = 0.45  # metres between two people's middles
 
 
@@ -56,15 +56,8 @@ class _Walker:
 
 
 class Pedestrians:
-    """`count` people in a plan, moved by `step`. `people` are they as they are now, `bumped` how
-    often one walked into the robot.
-
-    Args:
-        plan: where.
-        count: how many; fewer when there is no floor for them.
-        doors: their states at the start.
-        robot: x, y of the robot, near which nobody stands at the start.
-        rng: decides everything.
+    """Up to `count` people in a plan, moved by `step`, if there is floor. They start away from
+    the `robot` (x, y). `bumped` is how often one has walked into it.
     """
 
     def __init__(
@@ -90,7 +83,6 @@ class Pedestrians:
         self.people: tuple[Person, ...] = tuple(walker.seen() for walker in self._walkers)
 
     def just_bumped(self, look: int, seconds: float) -> bool:
-        """Tell whether somebody walked into the robot within the last seconds."""
         return any(walker.look == look and walker.since_bump < seconds for walker in self._walkers)
 
     def step(
@@ -182,9 +174,7 @@ class Pedestrians:
     def _along_walls(
         self, walker: _Walker, dx: float, dy: float, doors: dict[str, DoorState]
     ) -> tuple[float, float]:
-        """Return where a step ends: beside what is not free, and where it began when that is
-        everywhere.
-        """
+        """Return where a step ends: along a wall where needed, or where it began."""
         x, y = walker.x, walker.y
         ends = ((x + dx, y + dy), (x + dx, y), (x, y + dy))
         if not self._ways.is_free(x, y, doors):  # a door has moved: out of its way
@@ -197,9 +187,7 @@ class Pedestrians:
             walker.path, walker.held = [], 0.0
 
     def _bumps(self, walker: _Walker, x: float, y: float, robot: Floats | None) -> bool:
-        """Tell whether a step ends at the robot, and count the first of them. A step away from it
-        is none.
-        """
+        """Tell whether a step ends at the robot and not away from it; count the first."""
         gap = math.inf if robot is None else distance_to(x, y, robot) - TOUCH
         if robot is None or gap >= 0.0 or gap > distance_to(walker.x, walker.y, robot) - TOUCH:
             walker.touching = walker.touching and gap < APART - 2.0 * TOUCH
@@ -218,7 +206,7 @@ class Pedestrians:
         return False
 
     def _meets_another(self, walker: _Walker, x: float, y: float) -> bool:
-        """Tell whether a step leads nearer to somebody who is too near already."""
+        """Tell whether a step leads nearer to a person who is too near already."""
         for other in self._walkers:
             apart = math.hypot(other.x - x, other.y - y)
             if (
@@ -230,9 +218,7 @@ class Pedestrians:
         return False
 
     def _round_others(self, walker: _Walker, way: float, doors: dict[str, DoorState]) -> float:
-        """Return the direction that passes somebody ahead on their right, where there is floor;
-        otherwise the one that was wanted.
-        """
+        """Return a direction that passes people ahead on their right, where there is floor."""
         for other in self._walkers:
             dx, dy = other.x - walker.x, other.y - walker.y
             if abs(dx) > WIDE or abs(dy) > WIDE or other is walker:
@@ -247,9 +233,7 @@ class Pedestrians:
 
 
 def _goals(plan: FloorPlan, ways: Footways, rng: np.random.Generator) -> list[tuple[float, float]]:
-    """Return where people like to be: the plan's places and some random points of each room, never
-    before a charging station.
-    """
+    """Return goals: the plan's places and random points of rooms, none before a station."""
     doors: dict[str, DoorState] = {door.name: "open" for door in plan.doors}
     wanted = [(place.x, place.y) for place in (*plan.places, *plan.starts)]
     for room in plan.rooms:

@@ -19,12 +19,12 @@ FULL_STRIDE = 0.8  # m/s from which on the legs swing so far
 HEIGHT = 1.7
 CORNERS = 12
 LEG_CORNERS = 8
-# how far the corners of that disc reach: nobody comes nearer by walking
+# how far the corners of that disc reach: walking brings nobody nearer
 TOUCH = BODY / math.cos(math.pi / CORNERS) + 1e-3
 
 
 class Person(NamedTuple):
-    """Somebody at one moment.
+    """A person at one moment.
 
     `x`, `y` in metres of the map; `heading` where the body looks, radians; `stride` the phase of
     the walk in radians, growing by 2 pi with two steps: the left foot is ahead by `sin(stride)` of
@@ -41,9 +41,7 @@ class Person(NamedTuple):
 
 
 def legs(people: tuple[Person, ...]) -> Floats:
-    """Return the sides (16 n, 4) of the legs of n people, counter-clockwise about each leg, as of
-    any solid.
-    """
+    """Return the sides (16 n, 4) of n people's legs, counter-clockwise about each leg."""
     middles = []
     for person in people:
         cosine, sine = math.cos(person.heading), math.sin(person.heading)
@@ -62,7 +60,6 @@ def solid(person: Person) -> Solid:
 
 
 def name_of(person: Person) -> str:
-    """Return what a person is called among solids."""
     return f"person-{person.look}"
 
 

@@ -12,10 +12,7 @@ from robots.api.floorplan import DoorState
 class RandomDoors:
     """Says which door moves when. Pure: the same generator gives the same times.
 
-    Args:
-        doors: names of those that may move.
-        mean: seconds between two changes, on average (exponentially distributed); 0 for never.
-        rng: decides.
+    `mean` seconds are between two changes, on average (exponentially distributed); 0 for never.
     """
 
     def __init__(self, doors: tuple[str, ...], mean: float, rng: np.random.Generator) -> None:
@@ -24,9 +21,7 @@ class RandomDoors:
         self._next = self._after(0.0) if doors and mean > 0.0 else math.inf
 
     def due(self, time: float) -> dict[str, DoorState]:
-        """Return what has changed up to `time` seconds since the start, and not
-        been told before.
-        """
+        """Return the new changes up to `time` seconds since the start."""
         changes: dict[str, DoorState] = {}
         while time >= self._next:
             changes |= self._change()
@@ -34,7 +29,7 @@ class RandomDoors:
         return changes
 
     def leave(self, names: set[str]) -> None:
-        """Let somebody else decide about these doors from now on."""
+        """Move these doors no more."""
         self._doors = tuple(door for door in self._doors if door not in names)
         if self._closed in names:
             self._closed = None

@@ -11,14 +11,14 @@ from robots.world.raycaster import cast, sweep
 from robots.world.robot_models import LaserModel, SonarModel
 from robots.world.solids import Floats
 
-SONAR_RAYS = 13  # that stand for a cone
+SONAR_RAYS = 13  # of a cone
 
 
 def scan(segments: Floats, pose: Pose2D, model: LaserModel, rng: np.random.Generator) -> Floats:
     """Return ranges (beams,) in metres from `model.angle_min` on, counter-clockwise; `inf` where
     nothing came back.
 
-    `segments` (n, 4) are the sides of what stands at the height of the laser, counter-clockwise
+    `segments` (n, 4) are the sides of solids at the height of the laser, counter-clockwise
     about each; `pose` is the robot's.
     """
     mount = pose.compose(model.mount)
@@ -40,7 +40,7 @@ def echo(segments: Floats, mount: Pose2D, model: SonarModel, rng: np.random.Gene
     """Return the distance in metres at which a sonar at `mount` in the world hears something, `inf`
     when it hears nothing.
 
-    `segments` (n, 4) are the sides of what stands at its height.
+    `segments` (n, 4) are the sides of solids at its height.
     """
     angles = mount.theta + np.linspace(-model.width / 2.0, model.width / 2.0, SONAR_RAYS)
     ranges, met = cast(segments, mount.x, mount.y, angles)

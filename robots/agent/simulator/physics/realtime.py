@@ -1,8 +1,8 @@
-"""A simulation that keeps up with the clock on the wall, and remembers what happened.
+"""A simulation in real time, with a history.
 
-Steps have one fixed length, so that a run depends on when commands came and on nothing else. After
-a pause of the whole process (a suspended laptop, SIGSTOP) the lost time is dropped: a robot that
-nobody simulated has not moved.
+Steps have one fixed length, so that a run depends only on when commands came. After a pause of the
+whole process (a suspended laptop, SIGSTOP) the lost time is dropped: a robot that was not simulated
+has not moved.
 """
 
 from collections import deque
@@ -36,9 +36,7 @@ class CameraView:
 
 
 class Playback:
-    """Drives a `Simulation` by two clocks that the caller reads: monotonic, for the steps, and Unix
-    time, for the stamps.
-    """
+    """Drives a `Simulation` by the caller's clocks: monotonic for steps, Unix for stamps."""
 
     def __init__(self, simulation: Simulation, monotonic: float, unix: float) -> None:
         self.simulation = simulation
@@ -63,9 +61,7 @@ class Playback:
         return count
 
     def _set_wall_clock(self, unix_origin: float) -> None:
-        """Follow the wall clock slowly, so that a moment lost between reading two clocks never
-        turns stamps around.
-        """
+        """Follow the wall clock slowly, so that stamps never go backwards."""
         error = unix_origin - self._unix_origin
         self._unix_origin += error if abs(error) > CLOCK_STEP else CLOCK_SLEW * error
 
@@ -81,9 +77,7 @@ class Playback:
         )
 
     def truth(self, *, measured: bool = True) -> Truth:
-        """Return everything about the robot at the last step; without `measured` not its clearance,
-        which costs more than the rest.
-        """
+        """Return the robot's truth; without `measured` no clearance, which costs most."""
         sim = self.simulation
         return Truth(
             stamp=self.stamp(),

@@ -46,15 +46,15 @@ from robots.world.sensing import LaserScan
 from robots.world.sites import with_doors
 from robots.world.solids import Floats, Opening, fixed_solids, leaf_solid
 
-NEAR = 0.1  # metres beyond touch at which somebody is looked at; more than anybody moves in a step
+NEAR = 0.1  # metres beyond touch at which people are checked; more than they move in a step
 ANYBODY = shape(solid(Person(0.0, 0.0, 0.0, 0.0, 0, 0.0)))
-AT_DOCK = 1.0  # metres from a dock beyond which nobody asks how exactly
-# seconds in which a robot that somebody walked into is not at fault when it pushes on
+AT_DOCK = 1.0  # metres from a dock beyond which the exact pose does not matter
+# seconds in which a robot that was walked into is not at fault when it pushes on
 BUMP_TIME = 1.0
 
 
 class StartError(ValueError):
-    """The robot cannot begin where it was told to, in one sentence."""
+    """The robot cannot be put there; the message is one sentence."""
 
 
 class TrueState(NamedTuple):
@@ -71,7 +71,7 @@ class TrueState(NamedTuple):
 
 
 class Simulation:
-    """The robot. Attributes are the truth at `time`; nobody but `step` changes them."""
+    """The robot. Attributes are the truth at `time`; only `step` changes them."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class Simulation:
         (0: never).
 
         Raises:
-            StartError: no such place, or something stands there.
+            StartError: no such place, or it is occupied.
         """
         self.model, self.plan = model, plan
         streams = [np.random.default_rng(s) for s in np.random.SeedSequence(seed).spawn(6)]
@@ -144,7 +144,7 @@ class Simulation:
 
     @property
     def bumped(self) -> int:
-        """How often somebody walked into the robot; `contacts` counts what the robot ran into."""
+        """How often people walked into the robot; `contacts` counts what the robot ran into."""
         return self._pedestrians.bumped if self._pedestrians else 0
 
     def outline(self) -> Floats:
@@ -152,21 +152,16 @@ class Simulation:
         return place(self.footprint, self.pose)
 
     def command(self, linear: float, angular: float) -> WheelMotion:
-        """Take a velocity and return what the base will aim at; silence for `model.watchdog`
-        seconds brakes to a stand.
-        """
-        self.commanded, self.commanded_at = (
-            clamp(WheelMotion(linear, angular), self.model.limits),
-            self.time,
-        )
+        """Take a velocity, return the base's target; after `model.watchdog` s it brakes."""
+        self.commanded = clamp(WheelMotion(linear, angular), self.model.limits)
+        self.commanded_at = self.time
         return self.commanded
 
     def set_doors(self, doors: dict[str, DoorState]) -> None:
-        """Let doors swing open or closed; a leaf that the robot or somebody stands in the way of
-        waits until they are gone.
+        """Swing doors open or closed; a leaf waits while a robot or person is in its way.
 
         Unknown names are ignored. These doors move no more by themselves. Before the first step
-        they stand there at once.
+        they are set at once.
         """
         self._random_doors.leave(set(doors))
         self._doors.want(doors)
@@ -174,11 +169,7 @@ class Simulation:
             self.obstacles = self._standing()
 
     def carry_to(self, pose: Pose2D) -> None:
-        """Put the robot somewhere else; its odometry notices nothing.
-
-        Raises:
-            StartError: something or somebody stands there, or there is no room.
-        """
+        """Put the robot elsewhere, unnoticed by odometry; StartError where it is not free."""
         where = f"{pose.x:g},{pose.y:g},{pose.theta:g}"
         if self.plan.room_at(pose.x, pose.y) is None:
             raise StartError(f"{where} is not in a room")
@@ -210,16 +201,12 @@ class Simulation:
         self.time += dt
 
     def scan(self) -> Floats:
-        """Return what the laser sees now, (beams,) metres, `inf` where nothing came back, all NaN
-        when it is broken so.
-        """
+        """Return ranges (beams,) in metres, `inf` for no return, NaN from a broken laser."""
         ranges = range_sensors.scan(self._segments(), self.pose, self.model.laser, self.laser_rng)
         return np.full_like(ranges, math.nan) if self.faults.laser == "nan" else ranges
 
     def echoes(self, sounding: tuple[int, ...]) -> tuple[float, ...]:
-        """Return how far off the sonars that sound now hear something, metres from each, `inf` for
-        nothing.
-        """
+        """Return metres from each sounding sonar, `inf` for no echo."""
         mounts, segments = self.model.sonar.mounts(self.model.footprint), self._segments()
         return tuple(
             range_sensors.echo(
@@ -229,9 +216,7 @@ class Simulation:
         )
 
     def bumper(self) -> tuple[float, ...]:
-        """Return the directions in which something is touched now, radians in the robot's frame; a
-        station that it noses into is none.
-        """
+        """Return bearings of contacts (radians, robot's frame), except a station's."""
         if not self.touching:
             return ()
         outline = self.outline()
@@ -244,9 +229,7 @@ class Simulation:
         return tuple(wrap_angle(math.atan2(-way[1], -way[0]) - self.pose.theta) for way in ways)
 
     def _segments(self) -> Floats:
-        """Return the sides (n, 4) of everything that stands or walks at the
-        height of the sensors.
-        """
+        """Return the sides (n, 4) of everything at the height of the sensors."""
         segments = self.obstacles.segments
         if self.people or self._doors.moving:
             segments = np.concatenate(
@@ -255,9 +238,7 @@ class Simulation:
         return segments
 
     def beams(self) -> LaserScan | None:
-        """Return the same as a sweep with its mount, stamped with `time`; None
-        from a silent laser.
-        """
+        """Return the scan with its mount, stamped with `time`; None from a silent laser."""
         if self.faults.laser == "silent":
             return None
         eye = self.model.laser
@@ -273,15 +254,13 @@ class Simulation:
         return max(0.0, min([self.obstacles.clearance(outline), leaves.clearance(outline), *gaps]))
 
     def voltage(self) -> float:
-        """Return the volts at the battery."""
         return battery.voltage(self.charge, self.model.battery, charging=self.docked)
 
     def sample(self) -> TrueState:
-        """Return the truth of this moment."""
         return TrueState(self.time, *self.commanded, *self.motion, *self.pose)
 
     def errors(self) -> tuple[str, ...]:
-        """Return what is wrong with the robot, in words for its owner."""
+        """Return the robot's errors, for its owner."""
         return ("battery empty",) if self.charge <= 0.0 else ()
 
     def _target(self) -> WheelMotion:
@@ -307,9 +286,7 @@ class Simulation:
             self._count_contacts(others, move.touched)
 
     def _near(self, pose: Pose2D) -> tuple[Shape, ...]:
-        """Return who stands so near to a robot there that it may bump into them, and the leaves
-        that move.
-        """
+        """Return people near enough to be bumped into, and the moving leaves."""
         reach = self._radius + BODY + NEAR
         near = (
             person
@@ -322,9 +299,7 @@ class Simulation:
         )
 
     def _count_contacts(self, others: tuple[Shape, ...], touched: frozenset[str]) -> None:
-        """A contact begins with a touch and is over when the gap has opened again; nosing into a
-        dock is none.
-        """
+        """Count contacts: from a touch until the gap has opened again; a dock is none."""
         excused = {
             name_of(person)
             for person in self.people
@@ -390,11 +365,7 @@ def _wheels(motion: WheelMotion, dt: float) -> Pose2D:
 
 
 def start_pose(plan: FloorPlan, model: RobotModel, start: str) -> Pose2D:
-    """Return where a robot begins: `dock`, a named start or place, or `x,y,theta`.
-
-    Raises:
-        StartError: no such place.
-    """
+    """Return the pose of `dock`, a named start or place, or `x,y,theta`; raises StartError."""
     dock = plan.dock_of(model.series)
     if start == "dock" and dock is not None:
         return Pose2D(dock.x, dock.y, dock.theta)

@@ -50,7 +50,6 @@ class Footways:
         )
 
     def is_free(self, x: float, y: float, doors: dict[str, DoorState]) -> bool:
-        """Tell whether a person can stand there."""
         if self._asked is None or self._asked[0] != doors:
             self._asked = dict(doors), self._mask(doors).tobytes()
         row, column = self._cell_of(x, y)
@@ -63,9 +62,7 @@ class Footways:
     def nearest(
         self, x: float, y: float, doors: dict[str, DoorState]
     ) -> tuple[float, float] | None:
-        """Return the middle of the free cell nearest to a point, or None in a
-        place without floor.
-        """
+        """Return the middle of the nearest free cell, or None without any floor."""
         rows, columns = self._mask(doors).nonzero()
         if not len(rows):
             return None
@@ -76,9 +73,7 @@ class Footways:
     def path(
         self, start: tuple[float, float], goal: tuple[float, float], doors: dict[str, DoorState]
     ) -> Points | None:
-        """Return the corners of a way, the start left out, or None where there is none. The goal
-        must be free with all doors open.
-        """
+        """Return a path's corners without the start, or None; open doors must free the goal."""
         here = self.nearest(*start, doors)
         if here is None:
             return None
@@ -96,9 +91,7 @@ class Footways:
         )
 
     def _towards(self, goal: int, doors: dict[str, DoorState]) -> npt.NDArray[np.int32]:
-        """Return for every cell the next one on its way to the goal, negative
-        where there is none.
-        """
+        """Return each cell's next one on the way to the goal, negative where there is none."""
         key = (tuple(doors.values()), goal)
         if key not in self._ways:
             found = scipy.sparse.csgraph.dijkstra(
@@ -166,10 +159,8 @@ class Footways:
     def _beside(self, door: Door, state: DoorState) -> Mask:
         """Return the cells too near to the leaf of a door."""
         rows, columns = np.indices(self._clearance.shape)
-        x, y = (
-            self._origin[0] + (columns + 0.5) * self.cell,
-            self._origin[1] + (rows + 0.5) * self.cell,
-        )
+        x = self._origin[0] + (columns + 0.5) * self.cell
+        y = self._origin[1] + (rows + 0.5) * self.cell
         (ax, ay), (bx, by) = door.start, leaf_end(door, state)
         share = np.clip(
             ((x - ax) * (bx - ax) + (y - ay) * (by - ay)) / ((bx - ax) ** 2 + (by - ay) ** 2),

@@ -49,9 +49,7 @@ DOTS = {
 
 
 def letters(text: str) -> npt.NDArray[np.bool_]:
-    """Return a line of text as dots, (7, 6 n - 1), True where there is ink; unknown signs become
-    spaces.
-    """
+    """Return text as dots (7, 6 n - 1), True for ink; unknown signs become spaces."""
     pieces = []
     for sign in text.upper():
         rows = DOTS.get(sign, DOTS[" "])

@@ -8,6 +8,7 @@ swing against the legs, and the body rises and falls so that the lower foot is a
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -20,6 +21,7 @@ HAIRS = ("#2a1e17", "#4b3222", "#7a5230", "#b98d4f", "#8f8f8f", "#1b1b1d")
 SHIRTS = ("#c8453b", "#2f6fa8", "#e3b23c", "#3f8f6b", "#e9e6df", "#7a5aa0", "#d9743a", "#34495e")
 TROUSERS = ("#2d3a52", "#4a4a4d", "#6b5a45", "#23272e", "#516b7d")
 SHOES = ("#2b2522", "#efefec", "#7a4a2a")
+Spot = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +38,7 @@ class Limb:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """What makes one person another one: `height` in metres, the colours, hair that falls on the
-    shoulders, shorts, stripes.
-    """
+    """What distinguishes a person: `height` in metres, colours, long hair, shorts, stripes."""
 
     height: float
     skin: Plane
@@ -73,13 +73,9 @@ def look_of(number: int) -> Look:
 
 
 def limbs(look: Look, stride: float | None) -> list[Limb]:
-    """Return the body of a person `stride` radians into a walk, or one who stands: see
-    `Person.stride`.
-    """
-    left, right = (
-        _leg(look, 1.0, stride),
-        _leg(look, -1.0, None if stride is None else stride + math.pi),
-    )
+    """Return the body `stride` radians into a walk (`Person.stride`), None to stand."""
+    left = _leg(look, 1.0, stride)
+    right = _leg(look, -1.0, None if stride is None else stride + math.pi)
     parts = [*left, *right, *_torso(look), *_head(look)]
     for side, phase in ((1.0, math.pi), (-1.0, 0.0)):
         parts += _arm(look, side, 0.0 if stride is None else SWING * 0.8 * math.sin(stride + phase))
@@ -119,30 +115,16 @@ def _leg(look: Look, side: float, stride: float | None) -> list[Limb]:
 
 
 def _torso(look: Look) -> list[Limb]:
-    shirt, stripes = look.shirt, look.stripes
-    parts = [
-        Limb(
-            np.array([0.0, 0.07 * side, 1.02]),
-            np.array([0.0, 0.1 * side, 1.33]),
-            0.105,
-            0.105,
-            shirt,
-            stripes,
-        )
-        for side in (-1.0, 1.0)
+    shirt = partial(_limb, colour=look.shirt, stripes=look.stripes)
+    return [
+        *(
+            shirt((0.0, 0.07 * side, 1.02), (0.0, 0.1 * side, 1.33), 0.105, 0.105)
+            for side in (-1.0, 1.0)
+        ),
+        shirt((0.01, 0.0, 1.0), (0.015, 0.0, 1.32), 0.118, 0.12),
+        shirt((0.0, -0.16, 1.4), (0.0, 0.16, 1.4), 0.062, 0.062),
+        _limb((0.0, -0.055, 0.95), (0.0, 0.055, 0.95), 0.115, 0.115, look.trousers),
     ]
-    parts.append(
-        Limb(np.array([0.01, 0.0, 1.0]), np.array([0.015, 0.0, 1.32]), 0.118, 0.12, shirt, stripes)
-    )
-    parts.append(
-        Limb(np.array([0.0, -0.16, 1.4]), np.array([0.0, 0.16, 1.4]), 0.062, 0.062, shirt, stripes)
-    )
-    parts.append(
-        Limb(
-            np.array([0.0, -0.055, 0.95]), np.array([0.0, 0.055, 0.95]), 0.115, 0.115, look.trousers
-        )
-    )
-    return parts
 
 
 def _arm(look: Look, side: float, swing: float) -> list[Limb]:
@@ -159,41 +141,25 @@ def _arm(look: Look, side: float, swing: float) -> list[Limb]:
 
 
 def _head(look: Look) -> list[Limb]:
-    dark, lips = rgb("#241a16"), look.skin * np.array([0.85, 0.55, 0.55], dtype=np.float32)
+    skin, dark = look.skin, rgb("#241a16")
+    nose, lips = skin * np.float32(0.93), skin * np.array([0.85, 0.55, 0.55], dtype=np.float32)
     parts = [
-        Limb(np.array([-0.01, 0.0, 1.4]), np.array([0.0, 0.0, 1.54]), 0.055, 0.05, look.skin),
-        Limb(np.array([0.02, 0.0, 1.585]), np.array([0.005, 0.0, 1.655]), 0.078, 0.094, look.skin),
-        Limb(
-            np.array([-0.02, 0.0, 1.655]), np.array([-0.005, 0.0, 1.685]), 0.102, 0.092, look.hair
-        ),
-        Limb(
-            np.array([0.1, 0.0, 1.605]),
-            np.array([0.095, 0.0, 1.63]),
-            0.014,
-            0.01,
-            look.skin * np.float32(0.93),
-        ),
-        Limb(np.array([0.082, -0.02, 1.562]), np.array([0.082, 0.02, 1.562]), 0.012, 0.012, lips),
+        _limb((-0.01, 0.0, 1.4), (0.0, 0.0, 1.54), 0.055, 0.05, skin),
+        _limb((0.02, 0.0, 1.585), (0.005, 0.0, 1.655), 0.078, 0.094, skin),
+        _limb((-0.02, 0.0, 1.655), (-0.005, 0.0, 1.685), 0.102, 0.092, look.hair),
+        _limb((0.1, 0.0, 1.605), (0.095, 0.0, 1.63), 0.014, 0.01, nose),
+        _limb((0.082, -0.02, 1.562), (0.082, 0.02, 1.562), 0.012, 0.012, lips),
     ]
-    parts += [
-        Limb(
-            np.array([0.085, 0.033 * s, 1.638]),
-            np.array([0.085, 0.036 * s, 1.64]),
-            0.015,
-            0.015,
-            dark,
-        )
-        for s in (-1.0, 1.0)
-    ]
-    if look.long_hair:
-        parts += [
-            Limb(
-                np.array([-0.045, 0.045 * s, 1.65]),
-                np.array([-0.07, 0.05 * s, 1.44]),
-                0.075,
-                0.06,
-                look.hair,
-            )
-            for s in (-1.0, 1.0)
-        ]
+    for side in (-1.0, 1.0):
+        y = 0.033 * side
+        parts.append(_limb((0.085, y, 1.638), (0.085, 0.036 * side, 1.64), 0.015, 0.015, dark))
+    for side in (-1.0, 1.0) if look.long_hair else ():
+        start, end = (-0.045, 0.045 * side, 1.65), (-0.07, 0.05 * side, 1.44)
+        parts.append(_limb(start, end, 0.075, 0.06, look.hair))
     return parts
+
+
+def _limb(
+    start: Spot, end: Spot, first: float, last: float, colour: Plane, *, stripes: bool = False
+) -> Limb:
+    return Limb(np.array(start), np.array(end), first, last, colour, stripes)

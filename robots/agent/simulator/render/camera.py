@@ -57,7 +57,6 @@ class SceneCamera:
         return self._lenses[pitch]
 
     def eye(self, pose: Pose2D) -> Eye:
-        """Return where the lens is."""
         mount = pose.compose(Pose2D(self.camera.x, 0.0, 0.0))
         cosine, sine = math.cos(mount.theta), math.sin(mount.theta)
         return Eye(
@@ -72,15 +71,8 @@ class SceneCamera:
         people: tuple[Person, ...],
         out: Image,
     ) -> None:
-        """Draw into `out`, (height * 3 / 2, width), contiguous: Y, U, V; what stands as it stood
-        before is not drawn again.
-
-        Args:
-            pose: of the robot.
-            tilt: of its head, radians, positive looks down.
-            doors: how each door stands, by name.
-            people: who is there.
-            out: the picture.
+        """Draw into `out`, (height * 3 / 2, width), contiguous: Y, U, V; an unchanged scene is not
+        drawn again. `tilt` is in radians, positive looks down.
         """
         if self._shown != (pose, tilt, doors, people):
             walls = self._draw_all(pose, tilt, doors, people)
@@ -110,7 +102,6 @@ class SceneCamera:
         return walls
 
     def _swinging(self, doors: Mapping[str, Opening]) -> Things:
-        """Return the leaves that are on their way."""
         if all(isinstance(opening, str) for opening in doors.values()):
             return NOTHING
         return gather(
@@ -146,9 +137,7 @@ class SceneCamera:
         pose: Pose2D,
         people: tuple[Person, ...],
     ) -> None:
-        """Draw what a mirror shows into its own window, the robot at `pose` included; `sights` may
-        stand before the glass.
-        """
+        """Draw a mirror's window, the robot at `pose` included; `sights` may hide the glass."""
         start, end = glass.line[:2], glass.line[2:]
         along = (end - start) / math.dist(start, end)
         normal = np.array([-along[1], along[0]])

@@ -63,9 +63,7 @@ class Walls:
 
 
 class Canvas:
-    """A picture of (height, width) texels of a scene, the even rows before the odd ones. Not safe
-    for two threads.
-    """
+    """Texels (height, width) of a scene, even rows before odd ones. For one thread."""
 
     def __init__(self, scene: RenderScene, width: int, height: int) -> None:
         self._scene = scene
@@ -108,9 +106,7 @@ class Canvas:
     def _wall_columns(
         self, lens: Lens, which: npt.NDArray[np.intp], reach: Floats, share: Floats, across: Floats
     ) -> npt.NDArray[np.intp]:
-        """Return where in the atlas each ray's column begins, in the copy that fits the size of a
-        pixel there.
-        """
+        """Return where each ray's texel column begins, in the copy that fits a pixel there."""
         scene = self._scene
         sine = np.minimum(across / scene.wall_lengths[which], 1.0)
         pixel = (
@@ -128,17 +124,13 @@ class Canvas:
     ) -> None:
         """Paint walls, floor and ceiling of one eye."""
         first, last = eye.rays()
-        nearest, farthest = (
-            float(walls.reach[first:last].min()),
-            float(walls.reach[first:last].max()),
-        )
+        nearest = float(walls.reach[first:last].min())
+        farthest = float(walls.reach[first:last].max())
         texels = Walls(walls.reach * np.float32(WALL_DENSITY), walls.texel)
         planes = self._planes(eye)
         for part in _bands(window.paired):
-            highest, steepest = (
-                float(lens.above[part.top : part.bottom].max()),
-                float(lens.below[part.top : part.bottom].min()),
-            )
+            highest = float(lens.above[part.top : part.bottom].max())
+            steepest = float(lens.below[part.top : part.bottom].min())
             if eye.height + highest * (nearest if highest < 0.0 else farthest) < 0.0:
                 np.copyto(
                     self._texels[part.pairs],
@@ -178,14 +170,10 @@ class Canvas:
     def _paint_band(
         self, lens: Lens, eye: Eye, walls: Walls, part: PictureWindow, stencil: Mask | None
     ) -> tuple[Heights, Indices]:
-        """Return where a band of walls is met, in texels above the floor, and its texels: painted
-        already where there is no stencil.
-        """
-        height, index, ray = (
-            _cut(self._heights, part),
-            _cut(self._index, part),
-            lens.ray[part.pairs],
-        )
+        """Return a band's heights above the floor and texels, painted unless stencilled."""
+        height = _cut(self._heights, part)
+        index = _cut(self._index, part)
+        ray = lens.ray[part.pairs]
         self._rise(walls.reach, ray, lens.slope[part.pairs], height)
         np.add(height, np.float32(eye.height * WALL_DENSITY), out=height)
         np.copyto(index, height, casting="unsafe")
@@ -194,23 +182,17 @@ class Canvas:
         )
 
     def _rise(self, reach: Distances, ray: Places, slope: Heights, out: Heights) -> Heights:
-        """Return how high above the eye the pixels (ROWS, n, columns) see what their rays (n,
-        columns) meet at `reach` (RAYS,).
-        """
+        """Return heights above the eye of pixels (ROWS, n, columns) at `reach` (RAYS,)."""
         far = reach.take(ray, out=self._reaches[: ray.size].reshape(ray.shape), mode="clip")
         return np.multiply(far, slope, out=out)
 
     def _shift(self, index: Indices, texel: Indices, ray: Places, out: Indices) -> Indices:
-        """Return the index (ROWS, n, columns) of pixels in the columns of texels that begin at
-        `texel` (RAYS,) for their rays.
-        """
+        """Return texels (ROWS, n, columns) of pixels in the columns that begin at `texel`."""
         begin = texel.take(ray, out=self._columns[: ray.size].reshape(ray.shape), mode="clip")
         return np.add(index, begin, out=out)
 
     def _planes(self, eye: Eye) -> tuple[Floats, Floats]:
-        """Return the floor and the ceiling as `_on_plane` wants them, in texels
-        of the finest copy.
-        """
+        """Return floor and ceiling for `_on_plane`, in texels of the finest copy."""
         corner, ceiling = self._scene.corner, self._scene.ceiling
         return (
             _plane(eye, eye.height, SAME * FLOOR_DENSITY, -corner * FLOOR_DENSITY),
@@ -218,9 +200,7 @@ class Canvas:
         )
 
     def _floor(self, lens: Lens, eye: Eye, plane: Floats, part: PictureWindow) -> Indices:
-        """Return the texels of the floor, in the copy that fits the size of a pixel there:
-        geometric mean of along and across.
-        """
+        """Return floor texels from the copy that fits a pixel: geometric mean of both ways."""
         middle = (part.top + part.bottom) // 2
         slope = max(EDGE, -float(lens.slope[middle % ROWS, middle // ROWS, lens.width // 2]))
         pixel = eye.height / slope / lens.focal * math.sqrt(math.hypot(1.0, 1.0 / slope))
@@ -251,10 +231,8 @@ class Canvas:
             lens.plane[:, part.top // ROWS : part.bottom // ROWS].reshape(-1, 3), plane
         ).astype(np.float32)
         count = 2 * ROWS * rows * columns
-        points, found = (
-            self._points[:count].reshape(-1, columns),
-            self._cells[:count].reshape(-1, columns),
-        )
+        points = self._points[:count].reshape(-1, columns)
+        found = self._cells[:count].reshape(-1, columns)
         np.matmul(lines.reshape(-1, 2), lens.line[:, part.left : part.right], out=points)
         if limits is not None:
             for axis, limit in enumerate(limits):
@@ -297,22 +275,18 @@ class Canvas:
         part: PictureWindow,
         stencil: Mask | None,
     ) -> None:
-        """Paint what of a thing is upright: where the ray comes in, `reach` in texels, between its
-        lower and its upper edge.
-        """
+        """Paint a thing's upright sides between its edges; `reach` in texels."""
         item, where = sight.item, part.pairs
-        height, index, mask = (
-            _cut(self._heights, part),
-            _cut(self._index, part),
-            _cut(self._mask, part),
-        )
+        height = _cut(self._heights, part)
+        index = _cut(self._index, part)
+        mask = _cut(self._mask, part)
         ray = lens.ray[where]
         self._rise(reach, ray, lens.slope[where], height)
         # over its foot, 1 more: rounding to 0 rounds down
         np.add(height, np.float32((eye.height - item.bottom) * item.density + 1.0), out=height)
         np.copyto(index, height, casting="unsafe")
         np.subtract(index, np.int32(1), out=index)
-        # what is negative is very large
+        # negative numbers become very large
         np.less(index.view(np.uint32), np.uint32(item.rows), out=mask)
         if stencil is not None:
             np.logical_and(mask, stencil[where], out=mask)
@@ -334,15 +308,11 @@ class Canvas:
         part: PictureWindow,
         stencil: Mask | None,
     ) -> None:
-        """Paint an upper or a lower face: where the ray reaches its plane after coming in and
-        before going out.
-        """
+        """Paint a lid or underside: where rays meet its plane between coming in and out."""
         item, where = sight.item, part.pairs
-        height, mask, second = (
-            _cut(self._heights, part),
-            _cut(self._mask, part),
-            _cut(self._second, part),
-        )
+        height = _cut(self._heights, part)
+        mask = _cut(self._mask, part)
+        second = _cut(self._second, part)
         ray, slope, drop = lens.ray[where], lens.slope[where], np.float32(plane - eye.height)
         beyond, short = (
             (np.greater_equal, np.less) if plane < eye.height else (np.less, np.greater_equal)
@@ -386,9 +356,7 @@ class Canvas:
         heights: tuple[float, float],
         window: PictureWindow,
     ) -> Mask:
-        """Return (ROWS, height / ROWS, width) where rays meet an upright pane between two heights;
-        `reach` (RAYS,) is FAR beside it.
-        """
+        """Return (ROWS, height / ROWS, width): rays at a pane; `reach` (RAYS,) is FAR beside."""
         stencil = np.zeros(self._texels.shape, dtype=np.bool_)
         distances = reach.astype(np.float32)
         for part in _bands(window.paired):
@@ -405,15 +373,11 @@ class Canvas:
     # --- the picture ------------------------------------------------------------------------------
 
     def develop(self, out: Image) -> None:
-        """Fetch the texels into `out`, (height * 3 / 2, width), contiguous: the rows of Y, then U
-        and V at half the size.
-        """
+        """Fetch texels into `out`, (height * 3 / 2, width), contiguous: Y, then U, V at half."""
         _, pairs, width = self._texels.shape
         texture_atlas = self._scene.texture_atlas
-        luma, (blue, red) = (
-            in_pairs(out[: ROWS * pairs]),
-            out[ROWS * pairs :].reshape(2, pairs, width // 2),
-        )
+        luma = in_pairs(out[: ROWS * pairs])
+        blue, red = out[ROWS * pairs :].reshape(2, pairs, width // 2)
         for part in _bands(PictureWindow(0, ROWS * pairs, 0, width)):
             rows, places = slice(part.top // ROWS, part.bottom // ROWS), _cut(self._places, part)
             np.copyto(places, self._texels[:, rows])
@@ -430,9 +394,7 @@ class Canvas:
     def darken(
         self, lens: Lens, eye: Eye, walls: Walls, place: tuple[float, float], out: Image
     ) -> None:
-        """Put the soft shadow of somebody who stands at a place onto the floor of a developed
-        picture, unless a wall hides it.
-        """
+        """Put a person's soft shadow on the floor of a developed frame, unless a wall hides it."""
         forward, left = eye.level(np.array([place]))[0].tolist()
         ray = round((math.atan2(left, forward) - float(lens.azimuths[0])) / lens.step)
         if math.hypot(forward, left) > walls.reach[min(max(ray, 0), RAYS - 1)]:
@@ -474,9 +436,7 @@ def _bands(window: PictureWindow) -> Iterator[PictureWindow]:
 
 
 def _rows(mask: Mask) -> slice:
-    """Return which pairs of rows of a mask (ROWS, n, columns) hold any pixel, and those between
-    them.
-    """
+    """Return the pairs of rows of a mask (ROWS, n, columns) from its first to last pixel."""
     there: Mask = np.logical_or.reduce(mask, axis=(0, 2))
     return (
         slice(int(there.argmax()), len(there) - int(there[::-1].argmax()))
@@ -497,24 +457,18 @@ def _plane(eye: Eye, rise: float, matrix: Floats, shift: Floats) -> Floats:
     """
     plane = np.zeros((2, 3, 2))
     turn = matrix @ eye.world_from_level * rise
-    plane[:, 0, 0], plane[:, 1, 0], plane[:, 2, 1] = (
-        matrix @ eye.origin + shift,
-        turn[:, 0],
-        turn[:, 1],
-    )
+    plane[:, 0, 0] = matrix @ eye.origin + shift
+    plane[:, 1, 0] = turn[:, 0]
+    plane[:, 2, 1] = turn[:, 1]
     return plane
 
 
 def in_pairs(rows: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
-    """Return a picture (height, width) as (ROWS, height / ROWS, width), the even rows before the
-    odd ones; the same memory.
-    """
+    """Return a view of (height, width) as (ROWS, height / ROWS, width): even rows, then odd."""
     return rows.reshape(-1, ROWS, rows.shape[1]).swapaxes(0, 1)
 
 
 def _cut(buffer: npt.NDArray[Scalar], window: PictureWindow) -> npt.NDArray[Scalar]:
-    """Return the beginning of a buffer as an array of a window's pixels: (ROWS, height / ROWS,
-    width).
-    """
+    """Return a buffer's beginning as a window's pixels (ROWS, height / ROWS, width)."""
     pairs, columns = (window.bottom - window.top) // ROWS, window.right - window.left
     return buffer[: ROWS * pairs * columns].reshape(ROWS, pairs, columns)

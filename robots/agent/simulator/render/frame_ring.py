@@ -2,7 +2,7 @@
 overtaken.
 
 The writer makes a slot's guard odd, draws, and makes it 2 x number + 2; a reader copies and looks
-whether the guard is still that. Nobody waits for anybody, and pixels never pass through a socket. A
+whether the guard is still that. Neither waits for the other; pixels never pass through a socket. A
 picture is (height * 3 / 2, width): the rows of Y, then U and V at half the size.
 
 The writer owns the memory and unlinks it. When the writer is killed, Python's resource tracker, a
@@ -55,11 +55,7 @@ class FrameWriter(_Ring):
     """The camera's side. `begin` gives the picture to draw into, `commit` shows it."""
 
     def __init__(self, width: int, height: int, slots: int = SLOTS) -> None:
-        """Make the shared memory.
-
-        Raises:
-            OSError: there is no shared memory left.
-        """
+        """Make the shared memory; raises OSError when there is none left."""
         super().__init__(
             SharedMemory(create=True, size=slots * _slot_bytes(width, height)), width, height, slots
         )
@@ -67,9 +63,7 @@ class FrameWriter(_Ring):
         self.number = 0
 
     def begin(self) -> npt.NDArray[np.uint8]:
-        """Return the (height * 3 / 2, width) picture to draw next; its readers, if any, will
-        notice.
-        """
+        """Return the picture (height * 3 / 2, width) to draw next; readers notice."""
         slot = self.number % self.slots
         self.guards[slot] = 2 * self.number + 1
         return self.images[slot]
@@ -92,11 +86,7 @@ class FrameReader(_Ring):
     """A viewer's side."""
 
     def __init__(self, name: str, width: int, height: int, slots: int) -> None:
-        """Map the memory that a writer made.
-
-        Raises:
-            OSError: it is gone.
-        """
+        """Map the memory that a writer made; raises OSError when it is gone."""
         super().__init__(_attach(name), width, height, slots)
 
     def copy(self, number: int) -> npt.NDArray[np.uint8] | None:

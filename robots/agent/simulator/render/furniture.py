@@ -6,12 +6,12 @@ What the robot bumps into is the plain outline of world/solids.py; this is only 
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from robots.agent.simulator.render import textures as pictures
-from robots.agent.simulator.render.materials import WALLS, Picture, Plane, rgb
+from robots.agent.simulator.render.materials import WALLS, Picture, Plane, metres, rgb
 from robots.api.floorplan import ChargingDock, Door, DoorState, Furniture
 from robots.api.geometry import Pose2D
 from robots.world.robot_models import BodyPart
@@ -22,6 +22,8 @@ ROUND = 14
 STEEL, DARK, WHITE = rgb("#9aa0a6"), rgb("#2b2e33"), rgb("#e9e7e1")
 
 Painter = Callable[[int, int], Picture]
+Span = tuple[float, float]
+CENTRE = (0.0, 0.0)  # of a piece
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,9 +52,7 @@ def coat(
     """Return a painter that covers any face with a material."""
 
     def paint(columns: int, rows: int) -> Picture:
-        u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(density)
-        z = (np.arange(rows, dtype=np.float32) + np.float32(0.5))[None, :] / np.float32(density)
-        return WALLS[material](u, z, colour, rng)
+        return WALLS[material](*metres(columns, rows, density), colour, rng)
 
     return paint
 
@@ -81,20 +81,13 @@ def prism(
 
 def together(blocks: list[Block]) -> Block:
     """Return prisms of the same height as one block, which is drawn at once; they get no lids."""
-    first = blocks[0]
+    sides = np.vstack([block.sides for block in blocks])
     faces = tuple(face for block in blocks for face in block.pictures)
-    return Block(
-        np.vstack([block.sides for block in blocks]),
-        first.bottom,
-        first.top,
-        faces,
-        None,
-        first.density,
-    )
+    return replace(blocks[0], sides=sides, pictures=faces, lid=None)
 
 
 class Joiner:
-    """Builds blocks in the frame of one piece."""
+    """Builds blocks in a piece's frame: middle `at`, `span` from bottom to top, in metres."""
 
     def __init__(self, pose: Pose2D, rng: np.random.Generator) -> None:
         self.pose, self.rng = pose, rng
@@ -102,70 +95,42 @@ class Joiner:
 
     def box(
         self,
-        x: float,
-        y: float,
-        width: float,
-        depth: float,
-        bottom: float,
-        top: float,
+        at: Span,
+        size: Span,
+        span: Span,
         paint: Painter,
         *,
         front: Painter | None = None,
         lid: Plane | Picture | None = None,
         density: float = MIDDLE,
     ) -> Block:
-        """Add a box."""
-        outline = rectangle(self.pose.compose(Pose2D(x, y, 0.0)), width, depth)
-        self.blocks.append(
-            prism(outline, bottom, top, paint, front=front, lid=lid, density=density)
-        )
-        return self.blocks[-1]
+        """Add a box, `size` wide and deep."""
+        outline = rectangle(self.pose.compose(Pose2D(*at, 0.0)), *size)
+        block = prism(outline, *span, paint, front=front, lid=lid, density=density)
+        self.blocks.append(block)
+        return block
 
     def drum(
         self,
-        x: float,
-        y: float,
         diameter: float,
-        bottom: float,
-        top: float,
+        span: Span,
         paint: Painter,
         *,
+        at: Span = (0.0, 0.0),
         lid: Plane | None = None,
         glow: bool = False,
-    ) -> Block:
-        """Add a cylinder."""
-        centre = self.pose.apply(x, y)
-        self.blocks.append(
-            prism(
-                disc(*centre, diameter, ROUND),
-                bottom,
-                top,
-                paint,
-                lid=lid,
-                density=COARSE,
-                glow=glow,
-            )
-        )
-        return self.blocks[-1]
+    ) -> None:
+        outline = disc(*self.pose.apply(*at), diameter, ROUND)
+        self.blocks.append(prism(outline, *span, paint, lid=lid, density=COARSE, glow=glow))
 
     def legs(
         self, width: float, depth: float, height: float, thickness: float, paint: Painter
     ) -> None:
         """Add four legs, as one block."""
-        made = [
-            self.box(
-                sx * (width - thickness) / 2.0,
-                sy * (depth - thickness) / 2.0,
-                thickness,
-                thickness,
-                0.0,
-                height,
-                paint,
-                density=COARSE,
-            )
-            for sx in (-1.0, 1.0)
-            for sy in (-1.0, 1.0)
-        ]
+        x, y = (width - thickness) / 2.0, (depth - thickness) / 2.0
+        corners = ((-x, -y), (-x, y), (x, -y), (x, y))
+        size, span = (thickness, thickness), (0.0, height)
+        made = [self.box(at, size, span, paint, density=COARSE) for at in corners]
         self.blocks = [block for block in self.blocks if block not in made]
         self.blocks.append(together(made))
 
@@ -175,96 +140,52 @@ class Joiner:
         grain = coat("wood", colour * np.float32(1.04), self.rng)(
             round(width * MIDDLE), round(depth * MIDDLE)
         ).swapaxes(0, 1)
-        self.box(0.0, 0.0, width, depth, bottom, top, wood, lid=grain)
+        self.box(CENTRE, (width, depth), (bottom, top), wood, lid=grain)
 
 
 def furnish(piece: Furniture, rng: np.random.Generator) -> list[Block]:
-    """Return what a piece of furniture looks like."""
     joiner = Joiner(Pose2D(piece.x, piece.y, piece.theta), rng)
     BUILDERS[piece.kind](joiner, piece)
     return joiner.blocks
 
 
 def _desk(j: Joiner, p: Furniture) -> None:
-    colour = rgb(p.colour)
-    j.legs(p.width - 0.06, p.depth - 0.06, p.height - 0.04, 0.05, coat("plain", STEEL, j.rng))
-    j.slab(p.width, p.depth, p.height - 0.04, p.height, colour)
-    j.box(0.0, 0.12, 0.22, 0.16, p.height, p.height + 0.015, coat("plain", DARK, j.rng), lid=DARK)
-    j.box(
-        0.0,
-        -0.16,
-        0.44,
-        0.14,
-        p.height,
-        p.height + 0.02,
-        coat("plain", DARK, j.rng),
-        lid=DARK * np.float32(1.3),
-    )
-    dark = coat("plain", DARK, j.rng)
-    j.box(0.0, 0.14, 0.05, 0.04, p.height + 0.015, p.height + 0.12, dark)
-    j.box(
-        0.0,
-        0.12,
-        0.58,
-        0.03,
-        p.height + 0.12,
-        p.height + 0.47,
-        dark,
-        front=pictures.desktop,
-        lid=DARK,
-        density=FINE,
-    )
+    colour, top = rgb(p.colour), p.height
+    j.legs(p.width - 0.06, p.depth - 0.06, top - 0.04, 0.05, coat("plain", STEEL, j.rng))
+    j.slab(p.width, p.depth, top - 0.04, top, colour)
+    foot, keyboard = coat("plain", DARK, j.rng), coat("plain", DARK, j.rng)
+    j.box((0.0, 0.12), (0.22, 0.16), (top, top + 0.015), foot, lid=DARK)
+    j.box((0.0, -0.16), (0.44, 0.14), (top, top + 0.02), keyboard, lid=DARK * np.float32(1.3))
+    dark, screen = coat("plain", DARK, j.rng), (top + 0.12, top + 0.47)
+    j.box((0.0, 0.14), (0.05, 0.04), (top + 0.015, top + 0.12), dark)
+    front = pictures.desktop
+    j.box((0.0, 0.12), (0.58, 0.03), screen, dark, front=front, lid=DARK, density=FINE)
 
 
 def _chair(j: Joiner, p: Furniture) -> None:
     colour = rgb(p.colour)
     cloth = coat("fabric", colour, j.rng)
-    j.drum(0.0, 0.0, p.width * 0.9, 0.03, 0.07, coat("plain", DARK, j.rng), lid=DARK)
-    j.drum(0.0, 0.0, 0.06, 0.07, 0.43, coat("plain", STEEL, j.rng))
-    j.drum(0.0, 0.0, p.width * 0.92, 0.43, 0.51, cloth, lid=colour)
-    j.box(0.0, p.width * 0.4, p.width * 0.8, 0.05, 0.55, p.height, cloth, lid=colour)
+    j.drum(p.width * 0.9, (0.03, 0.07), coat("plain", DARK, j.rng), lid=DARK)
+    j.drum(0.06, (0.07, 0.43), coat("plain", STEEL, j.rng))
+    j.drum(p.width * 0.92, (0.43, 0.51), cloth, lid=colour)
+    j.box((0.0, p.width * 0.4), (p.width * 0.8, 0.05), (0.55, p.height), cloth, lid=colour)
 
 
 def _sofa(j: Joiner, p: Furniture) -> None:
     colour = rgb(p.colour)
-    cloth = coat("fabric", colour, j.rng)
+    cloth, lid = coat("fabric", colour, j.rng), colour * np.float32(1.05)
     arm, back, seat = 0.18, 0.22, 0.42
-    inner = p.width - 2.0 * arm
+    inner, deep = p.width - 2.0 * arm, p.depth - back
     count = max(1, round(inner / 0.8))
-    j.box(0.0, 0.0, p.width, p.depth, 0.06, 0.28, cloth, lid=colour)
+    j.box(CENTRE, (p.width, p.depth), (0.06, 0.28), cloth, lid=colour)
     for number in range(count):
-        x = -inner / 2.0 + (number + 0.5) * inner / count
-        j.box(
-            x,
-            -back / 2.0,
-            inner / count - 0.02,
-            p.depth - back,
-            0.28,
-            seat,
-            cloth,
-            lid=_pillow(colour, inner / count, p.depth - back, j.rng),
-        )
-    j.box(
-        0.0,
-        (p.depth - back) / 2.0,
-        p.width,
-        back,
-        0.28,
-        p.height,
-        cloth,
-        lid=colour * np.float32(1.05),
-    )
+        at = (-inner / 2.0 + (number + 0.5) * inner / count, -back / 2.0)
+        pillow = _pillow(colour, inner / count, deep, j.rng)
+        j.box(at, (inner / count - 0.02, deep), (0.28, seat), cloth, lid=pillow)
+    j.box((0.0, deep / 2.0), (p.width, back), (0.28, p.height), cloth, lid=lid)
     for side in (-1.0, 1.0):
-        j.box(
-            side * (p.width - arm) / 2.0,
-            -back / 2.0,
-            arm,
-            p.depth - back,
-            0.28,
-            0.6,
-            cloth,
-            lid=colour * np.float32(1.05),
-        )
+        at = (side * (p.width - arm) / 2.0, -back / 2.0)
+        j.box(at, (arm, deep), (0.28, 0.6), cloth, lid=lid)
 
 
 def _pillow(colour: Plane, width: float, depth: float, rng: np.random.Generator) -> Picture:
@@ -296,37 +217,24 @@ def _bookcase(j: Joiner, p: Furniture) -> None:
     def front(columns: int, rows: int) -> Picture:
         return pictures.books(columns, rows, colour, FINE, j.rng)
 
-    j.box(
-        0.0,
-        0.0,
-        p.width,
-        p.depth,
-        0.0,
-        p.height,
-        coat("wood", colour, j.rng, FINE),
-        front=front,
-        lid=colour,
-        density=FINE,
-    )
+    wood, span = coat("wood", colour, j.rng, FINE), (0.0, p.height)
+    j.box(CENTRE, (p.width, p.depth), span, wood, front=front, lid=colour, density=FINE)
 
 
 def _cabinet(j: Joiner, p: Furniture) -> None:
-    colour = rgb(p.colour)
+    colour, top = rgb(p.colour), p.height - 0.03
 
     def front(columns: int, rows: int) -> Picture:
         return pictures.cupboard(columns, rows, colour, MIDDLE, j.rng)
 
-    j.box(
-        0.0, 0.0, p.width, p.depth, 0.0, p.height - 0.03, coat("plain", colour, j.rng), front=front
-    )
-    j.slab(p.width + 0.02, p.depth + 0.02, p.height - 0.03, p.height, rgb("#b98d5d"))
+    j.box(CENTRE, (p.width, p.depth), (0.0, top), coat("plain", colour, j.rng), front=front)
+    j.slab(p.width + 0.02, p.depth + 0.02, top, p.height, rgb("#b98d5d"))
 
 
 def _plant(j: Joiner, p: Furniture) -> None:
     pot = 0.30
-    j.drum(
-        0.0, 0.0, p.width * 0.78, 0.0, pot, coat("plain", rgb("#c9c3b8"), j.rng), lid=rgb("#3b2c20")
-    )
+    clay = coat("plain", rgb("#c9c3b8"), j.rng)
+    j.drum(p.width * 0.78, (0.0, pot), clay, lid=rgb("#3b2c20"))
     width = p.width * 2.1
     leaves = pictures.foliage(
         round(width * FINE), round((p.height - pot + 0.04) * FINE), rgb(p.colour), j.rng
@@ -337,18 +245,10 @@ def _plant(j: Joiner, p: Furniture) -> None:
 
 
 def _lamp(j: Joiner, p: Furniture) -> None:
-    j.drum(0.0, 0.0, p.width * 0.8, 0.0, 0.03, coat("plain", DARK, j.rng), lid=DARK)
-    j.drum(0.0, 0.0, 0.035, 0.03, p.height - 0.28, coat("plain", DARK, j.rng))
-    j.drum(
-        0.0,
-        0.0,
-        p.width,
-        p.height - 0.3,
-        p.height,
-        coat("plain", rgb(p.colour), j.rng),
-        lid=rgb("#fff3cf"),
-        glow=True,
-    )
+    j.drum(p.width * 0.8, (0.0, 0.03), coat("plain", DARK, j.rng), lid=DARK)
+    j.drum(0.035, (0.03, p.height - 0.28), coat("plain", DARK, j.rng))
+    shade = coat("plain", rgb(p.colour), j.rng)
+    j.drum(p.width, (p.height - 0.3, p.height), shade, lid=rgb("#fff3cf"), glow=True)
 
 
 def _bench(j: Joiner, p: Furniture) -> None:
@@ -358,12 +258,13 @@ def _bench(j: Joiner, p: Furniture) -> None:
 
 def _box(j: Joiner, p: Furniture) -> None:
     colour = rgb(p.colour)
-    j.box(0.0, 0.0, p.width, p.depth, 0.0, p.height, coat("plain", colour, j.rng), lid=colour)
+    paint = coat("plain", colour, j.rng)
+    j.box(CENTRE, (p.width, p.depth), (0.0, p.height), paint, lid=colour)
 
 
 def _cylinder(j: Joiner, p: Furniture) -> None:
     colour = rgb(p.colour)
-    j.drum(0.0, 0.0, p.width, 0.0, p.height, coat("plain", colour, j.rng), lid=colour)
+    j.drum(p.width, (0.0, p.height), coat("plain", colour, j.rng), lid=colour)
 
 
 BUILDERS: dict[str, Callable[[Joiner, Furniture], None]] = {
@@ -384,49 +285,26 @@ BUILDERS: dict[str, Callable[[Joiner, Furniture], None]] = {
 
 
 def dock_blocks(dock: ChargingDock, seed: int) -> list[Block]:
-    """Return a charging station: its body, and a plate with its marker above it at the height of a
-    camera.
-    """
+    """Return a charging station: its body, and a marker at the height of a camera."""
     rng = np.random.default_rng(seed)
     pose = station_pose(dock)
     # its front looks at the robot
     joiner = Joiner(Pose2D(pose.x, pose.y, pose.theta - math.pi / 2.0), rng)
     body = dock.station
-    dark = coat("plain", rgb("#3a4046"), rng)
-    joiner.box(
-        0.0,
-        0.0,
-        body.width,
-        body.depth,
-        0.0,
-        body.height,
-        dark,
-        front=pictures.station,
-        lid=rgb("#6a7178"),
-        density=FINE,
-    )
+    size, grey = (body.width, body.depth), rgb("#6a7178")
+    dark, front = coat("plain", rgb("#3a4046"), rng), pictures.station
+    joiner.box(CENTRE, size, (0.0, body.height), dark, front=front, lid=grey, density=FINE)
 
     def plate(columns: int, rows: int) -> Picture:
         return pictures.marker(columns, rows, seed)
 
+    at, span = (0.0, body.depth / 2.0 - 0.02), (body.height + 0.1, body.height + 0.6)
     white = coat("plain", WHITE, rng)
-    joiner.box(
-        0.0,
-        body.depth / 2.0 - 0.02,
-        0.5,
-        0.03,
-        body.height + 0.1,
-        body.height + 0.6,
-        white,
-        front=plate,
-        lid=WHITE,
-        density=FINE,
-    )
+    joiner.box(at, (0.5, 0.03), span, white, front=plate, lid=WHITE, density=FINE)
     return joiner.blocks
 
 
 def leaf_block(door: Door, state: DoorState, rng: np.random.Generator) -> Block:
-    """Return a door's leaf, open or closed."""
     end = leaf_end(door, state)
     middle = Pose2D(
         (door.start[0] + end[0]) / 2.0,
@@ -447,14 +325,8 @@ def leaf_block(door: Door, state: DoorState, rng: np.random.Generator) -> Block:
             faces.append(
                 np.broadcast_to(colour * np.float32(0.85), (columns, rows, 3)).astype(np.float32)
             )
-    return Block(
-        np.hstack([outline, np.roll(outline, -1, axis=0)]),
-        0.005,
-        door.height,
-        tuple(faces),
-        colour,
-        FINE,
-    )
+    sides = np.hstack([outline, np.roll(outline, -1, axis=0)])
+    return Block(sides, 0.005, door.height, tuple(faces), colour, FINE)
 
 
 def body_blocks(parts: tuple[BodyPart, ...], rng: np.random.Generator) -> list[Block]:
@@ -462,22 +334,12 @@ def body_blocks(parts: tuple[BodyPart, ...], rng: np.random.Generator) -> list[B
     # a block's front looks to its -y: to the robot's +x
     joiner = Joiner(Pose2D(0.0, 0.0, math.pi / 2.0), rng)
     for part in parts:
-        colour = rgb(part.colour)
+        colour, at, span = rgb(part.colour), (part.y, -part.x), (part.bottom, part.top)
         paint = coat("plain", colour, rng)
         if part.shape == "cylinder":
-            joiner.drum(part.y, -part.x, part.width, part.bottom, part.top, paint, lid=colour)
+            joiner.drum(part.width, span, paint, at=at, lid=colour)
         else:
             front = pictures.robot_face if part.face == "screen" else None
-            joiner.box(
-                part.y,
-                -part.x,
-                part.depth,
-                part.width,
-                part.bottom,
-                part.top,
-                paint,
-                front=front,
-                lid=colour,
-                density=FINE,
-            )
+            size = (part.depth, part.width)
+            joiner.box(at, size, span, paint, front=front, lid=colour, density=FINE)
     return joiner.blocks

@@ -14,9 +14,7 @@ from robots.world.solids import Floats
 
 @dataclass(frozen=True, eq=False)
 class Things:
-    """k items with n sides: `starts` (k,) is the first side of each, `owner` (n,) the item of each
-    side, the rest as in `SceneItem`.
-    """
+    """k items with n sides: first sides `starts` (k,), items `owner` (n,), rest as SceneItem."""
 
     items: tuple[SceneItem, ...]
     sides: Floats
@@ -42,9 +40,7 @@ class Things:
         return sides
 
     def moved(self, pose: Pose2D) -> "Things":
-        """Return items that were made about the origin at a pose; a picture on a lid is not turned
-        with it.
-        """
+        """Return items made about the origin at a pose; a lid's picture is not turned."""
         cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
         matrix = np.array([[cosine, sine], [-sine, cosine]])
         points = self.sides.reshape(-1, 2) @ matrix + (pose.x, pose.y)

@@ -69,9 +69,7 @@ class Lens:
     ends: tuple[Floats, Places]
 
     def columns(self, first: Places, last: Places) -> tuple[Places, Places]:
-        """Return the first and one past the last column (n,) that any of the rays first … last - 1
-        goes through.
-        """
+        """Return first and last + 1 column (n,) that rays first … last - 1 go through."""
         return np.searchsorted(self.begins[1], -last, side="right"), np.searchsorted(
             self.ends[1], -first, side="right"
         )
@@ -83,9 +81,7 @@ class Lens:
         )
 
     def project(self, forward: Floats, left: Floats, up: Floats) -> tuple[Floats, Floats, Floats]:
-        """Return (u, v) in pixels and the depth of points in the level frame of the camera; depth
-        <= 0 is behind it.
-        """
+        """Return (u, v) in pixels and depth of level points; depth <= 0 is behind the camera."""
         cosine, sine = math.cos(self.pitch), math.sin(self.pitch)
         depth = cosine * forward - sine * up
         safe = np.where(depth > LEVEL, depth, LEVEL)
@@ -95,9 +91,7 @@ class Lens:
 
 
 def grind(camera: Camera, pitch: float) -> Lens:
-    """Return the tables for a pitch in radians, positive looks down; some milliseconds' work, so
-    keep them.
-    """
+    """Return tables for a pitch in radians, positive down; takes milliseconds, so keep them."""
     focal = camera.width / 2.0 / math.tan(camera.hfov / 2.0)
     right = ((np.arange(camera.width) + 0.5 - camera.width / 2.0) / focal).astype(np.float64)
     down = ((np.arange(camera.height) + 0.5 - camera.height / 2.0) / focal).astype(np.float64)
@@ -153,7 +147,5 @@ def in_turn(rows: npt.NDArray[Scalar]) -> npt.NDArray[Scalar]:
 
 
 def _reflected(left: Plane, width: int) -> Plane:
-    """Return the whole of a table (height, width) of which this is the left half, the middle column
-    included.
-    """
+    """Return a table (height, width) from its left half, the middle column included."""
     return np.concatenate([left, left[:, : width // 2][:, ::-1]], axis=1)

@@ -1,7 +1,7 @@
 """Light that is painted into the pictures once: warm lamps at the ceiling, a cool remainder from
 everywhere, dark corners.
 
-A lamp gives cos(incidence) / (distance² + c) of its strength to what looks at it and stands in its
+A lamp gives cos(incidence) / (distance² + c) of its strength to surfaces that face it in its
 room; shadows of furniture are soft stains on the floor. Pictures are multiplied in display values,
 so a light L counts as L to the power of 1 / 2.2.
 """
@@ -25,7 +25,7 @@ STRENGTH = 2.1
 SOFTNESS = 1.2
 DISPLAY = 1.0 / 2.2
 COARSE = 0.1  # metres between computed points
-HALF = 3  # texels of a floor between distances to what stands on it
+HALF = 3  # texels of a floor between distances to solids
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +36,7 @@ class Lights:
     lamps: dict[str, Floats]
 
     def at(self, points: Floats, normals: Floats, room: str | None) -> Floats:
-        """Return the factor (…, 3) for a picture at points (…, 3) that look along
-        normals (…, 3).
-        """
+        """Return the factor (…, 3) for texels at points (…, 3) with normals (…, 3)."""
         light = np.broadcast_to(REMAINDER, points.shape).copy()
         for lamp in self.lamps.get(room or "", np.zeros((0, 3))):
             towards = lamp - points
@@ -89,14 +87,10 @@ def light_wall(
     top: float,
     corners: bool,
 ) -> None:
-    """Light an upright picture (columns, rows, 3) in place; it goes from `start` to `end`, left to
-    right for who looks at it.
-    """
+    """Light an upright picture (columns, rows, 3) in place, from `start` (left) to `end`."""
     length = math.dist(start, end)
-    columns, rows = (
-        max(2, math.ceil(length / COARSE) + 1),
-        max(2, math.ceil((top - bottom) / COARSE) + 1),
-    )
+    columns = max(2, math.ceil(length / COARSE) + 1)
+    rows = max(2, math.ceil((top - bottom) / COARSE) + 1)
     share, height = np.linspace(0.0, 1.0, columns), np.linspace(bottom, top, rows)
     points = np.empty((columns, rows, 3))
     points[..., :2] = (start + share[:, None] * (end - start))[:, None, :]
@@ -135,9 +129,9 @@ def light_floor(
         lights: of the site.
         x: (columns,) metres of the picture's texels.
         y: (rows,) metres of the picture's texels.
-        solid: (rows, columns), True where something stands on it.
+        solid: (rows, columns), True where it is occupied.
         height: metres.
-        upwards: which side is looked at.
+        upwards: which side is seen.
     """
     step = max(1, round(COARSE / float(x[1] - x[0])))
     coarse_x, coarse_y = x[::step], y[::step]
@@ -161,10 +155,8 @@ def light_floor(
 
 def enlarge(factor: Floats, shape: tuple[int, int]) -> Picture:
     """Return (n, m, k) spread over `shape` texels, straight between the points."""
-    a, b = (
-        np.linspace(0.0, factor.shape[0] - 1.001, shape[0]),
-        np.linspace(0.0, factor.shape[1] - 1.001, shape[1]),
-    )
+    a = np.linspace(0.0, factor.shape[0] - 1.001, shape[0])
+    b = np.linspace(0.0, factor.shape[1] - 1.001, shape[1])
     i, j = a.astype(np.intp), b.astype(np.intp)
     s, t = (a - i)[:, None, None].astype(np.float32), (b - j)[None, :, None].astype(np.float32)
     small = factor.astype(np.float32)

@@ -50,10 +50,15 @@ def tint(plane: Plane, colour: Plane) -> Picture:
     return plane[..., None] * colour
 
 
+def metres(columns: int, rows: int, density: float) -> tuple[Plane, Plane]:
+    """Return where a wall's texels are: u (columns, 1) and z (1, rows) in metres."""
+    u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(density)
+    z = (np.arange(rows, dtype=np.float32) + np.float32(0.5))[None, :] / np.float32(density)
+    return u, z
+
+
 def per_piece(number: npt.NDArray[np.int_], rng: np.random.Generator) -> Plane:
-    """Return for each integer its own random value in [-1, 1]; the same number always gets the
-    same.
-    """
+    """Return a random value in [-1, 1] for each integer, always the same one."""
     table = rng.uniform(-1.0, 1.0, 4096).astype(np.float32)
     return table[(number * 2654435761) % 4096]
 
@@ -141,7 +146,6 @@ def wood(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture
 
 
 def fabric(u: Plane, z: Plane, colour: Plane, rng: np.random.Generator) -> Picture:
-    """Upholstery."""
     shape = (u.size, z.size)
     return tint(
         1.0 + 0.035 * noise(shape, (1, 1), rng) + 0.05 * noise(shape, (14, 14), rng), colour
@@ -244,9 +248,7 @@ FLOORS: dict[str, Callable[[Plane, Plane, Plane, np.random.Generator], Picture]]
 def rug(
     width: float, depth: float, colour: Plane, density: float, rng: np.random.Generator
 ) -> Picture:
-    """Return a woven rug (rows along depth, columns along width) with borders and a field of
-    lozenges.
-    """
+    """Return a rug (rows along depth, columns along width) with borders and lozenges."""
     rows, columns = max(2, round(depth * density)), max(2, round(width * density))
     y, x = np.mgrid[0:rows, 0:columns].astype(np.float32) / np.float32(density)
     edge = np.minimum(np.minimum(x, width - x), np.minimum(y, depth - y))

@@ -79,9 +79,7 @@ class Figures:
 
 
 def chosen(person: Person, bearing: float) -> tuple[Key, bool]:
-    """Return which picture shows a person to who stands at a bearing, radians from the way the body
-    looks, and whether mirrored.
-    """
+    """Return a person's picture key for a viewer's bearing in radians, and if mirrored."""
     turned = math.remainder(bearing, 2.0 * math.pi)
     view, mirrored = round(abs(turned) * (VIEWS - 1) / math.pi), turned < 0.0
     if abs(person.speed) < SLOWEST:

@@ -1,12 +1,13 @@
 """The rays of one eye against upright faces: which ray meets which face, how far away, and where
 along it.
 
-Every face is cast only with the rays between its two ends, and all of these pairs stand in one long
+Every face is cast only with the rays between its two ends, and all of these pairs form one long
 row.
 """
 
 import math
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -47,17 +48,14 @@ class Eye:
         return seen
 
     def rays(self) -> tuple[int, int]:
-        """Return the first and one past the last ray that matter: those that meet the mirror, when
-        there is one.
-        """
+        """Return first and last + 1 ray that matter: those at the mirror, if any."""
         if self.beyond is None:
             return 0, RAYS
         met = (self.beyond < FAR).nonzero()[0]
         return int(met[0]), int(met[-1]) + 1
 
 
-@dataclass(frozen=True, eq=False)
-class Meetings:
+class Meetings(NamedTuple):
     """Pairs of a face and a ray (m,): `row` of the face, `ray`, how far away `reach`, which `share`
     of the face's length from its start.
 
@@ -73,27 +71,12 @@ class Meetings:
     met: Mask
 
     def split(self, faces: int) -> tuple["Meetings", "Meetings"]:
-        """Return the meetings with so many first faces, and those with the others, whose rows begin
-        at 0 again.
-        """
+        """Return the meetings with the first `faces`, and the others, rows from 0 again."""
         at = int(np.searchsorted(self.row, faces))
-        first = Meetings(
-            self.row[:at],
-            self.ray[:at],
-            self.reach[:at],
-            self.share[:at],
-            self.across[:at],
-            self.met[:at],
-        )
-        others = Meetings(
-            self.row[at:] - faces,
-            self.ray[at:],
-            self.reach[at:],
-            self.share[at:],
-            self.across[at:],
-            self.met[at:],
-        )
-        return first, others
+        parts: tuple[Any, ...] = self
+        first = Meetings(*(part[:at] for part in parts))
+        others = Meetings(*(part[at:] for part in parts))
+        return first, others._replace(row=others.row - faces)
 
 
 def angles(points: Floats) -> Floats:
@@ -103,9 +86,7 @@ def angles(points: Floats) -> Floats:
 
 
 def spans(lens: Lens, one: Floats, other: Floats, rays: tuple[int, int]) -> tuple[Places, Places]:
-    """Return the first and one past the last ray (n,) between azimuths; all `rays` where the way
-    between them is over the back.
-    """
+    """Return first and last + 1 ray (n,) between azimuths; all `rays` across the back."""
     low, high = np.minimum(one, other), np.maximum(one, other)
     first = np.floor((low - lens.azimuths[0]) / lens.step)
     last = np.ceil((high - lens.azimuths[0]) / lens.step) + 1.0
@@ -116,9 +97,7 @@ def spans(lens: Lens, one: Floats, other: Floats, rays: tuple[int, int]) -> tupl
 
 
 def cast(faces: Floats, first: Places, last: Places, eye: Eye, directions: Floats) -> Meetings:
-    """Cast rays first … last - 1 (n,) of each face (n, 4) against it. Rays along a face divide by
-    zero and miss it.
-    """
+    """Cast rays first … last - 1 (n,) at faces (n, 4); along a face they divide by zero."""
     count = last - first
     ends = np.cumsum(count)
     total = int(ends[-1]) if len(ends) else 0

@@ -20,6 +20,7 @@ from robots.agent.simulator.render.materials import (
     WHITE,
     Picture,
     Plane,
+    metres,
     noise,
     rgb,
     rug,
@@ -84,9 +85,7 @@ class SceneItem:
     mirrored: bool = False
 
     def moved(self, pose: Pose2D) -> "SceneItem":
-        """Return the item, made about the origin, at a pose; a picture on its lid is not turned
-        with it.
-        """
+        """Return the item, made about the origin, at a pose; a lid's picture is not turned."""
         cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
         matrix = np.array([[cosine, sine], [-sine, cosine]])
         sides = np.hstack([self.sides[:, :2] @ matrix, self.sides[:, 2:] @ matrix]) + np.array(
@@ -131,10 +130,8 @@ class RenderScene:
     def swinging(self, door: Door, opening: float) -> SceneItem:
         """Return a leaf on its way, as it is lit at the nearer end of it."""
         state: DoorState = "open" if opening > 0.5 else "closed"
-        leaf, turn = (
-            self.leaves[door.name, state],
-            leaf_turn(door, opening) - leaf_turn(door, state),
-        )
+        leaf = self.leaves[door.name, state]
+        turn = leaf_turn(door, opening) - leaf_turn(door, state)
         hinge = Pose2D(*door.start, 0.0)
         return leaf.moved(hinge.inverse()).moved(Pose2D(*door.start, turn))
 
@@ -226,16 +223,9 @@ class Builder:
 
     def _wall_picture(self, look: Surface, start: Floats, end: Floats) -> Picture:
         length = math.dist(start, end)
-        columns, rows = (
-            max(1, round(length * WALL_DENSITY)),
-            round(self.plan.ceiling * WALL_DENSITY),
-        )
-        u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(
-            WALL_DENSITY
-        )
-        z = (np.arange(rows, dtype=np.float32) + np.float32(0.5))[None, :] / np.float32(
-            WALL_DENSITY
-        )
+        columns = max(1, round(length * WALL_DENSITY))
+        rows = round(self.plan.ceiling * WALL_DENSITY)
+        u, z = metres(columns, rows, WALL_DENSITY)
         picture = WALLS[look.material](u, z, rgb(look.colour), self.rng)
         if look.material != "trim":
             skirt(picture, z, self.plan.ceiling)
@@ -284,20 +274,16 @@ class Builder:
         self, picture: Picture, start: Floats, end: Floats, decoration: Decoration, *, shadow: bool
     ) -> None:
         at = _along(start, end, decoration.x, decoration.y)
-        columns, rows = (
-            round(decoration.width * WALL_DENSITY),
-            round(decoration.height * WALL_DENSITY),
-        )
+        columns = round(decoration.width * WALL_DENSITY)
+        rows = round(decoration.height * WALL_DENSITY)
         if at is None or columns < 4 or rows < 4:
             return
         if decoration.kind == "sign":
             drawn = textures.sign(columns, rows, decoration.text)
         else:
             drawn = textures.HANGING[decoration.kind](columns, rows, decoration.variant, self.rng)
-        left, low = (
-            round(at * WALL_DENSITY) - columns // 2,
-            round(decoration.z * WALL_DENSITY) - rows // 2,
-        )
+        left = round(at * WALL_DENSITY) - columns // 2
+        low = round(decoration.z * WALL_DENSITY) - rows // 2
         a, b = max(0, -left), max(0, -low)
         target = picture[left + a : left + columns, low + b : low + rows]
         source = drawn[a : a + target.shape[0], b : b + target.shape[1]]
@@ -320,16 +306,10 @@ class Builder:
         )
         faces = []
         for look, start, end in zip(looks, outline, np.roll(outline, -1, axis=0), strict=True):
-            columns, rows = (
-                max(1, round(math.dist(start, end) * WALL_DENSITY)),
-                max(1, round(above * WALL_DENSITY)),
-            )
-            u = (np.arange(columns, dtype=np.float32) + np.float32(0.5))[:, None] / np.float32(
-                WALL_DENSITY
-            )
-            z = opening.height + (np.arange(rows, dtype=np.float32) + np.float32(0.5))[
-                None, :
-            ] / np.float32(WALL_DENSITY)
+            columns = max(1, round(math.dist(start, end) * WALL_DENSITY))
+            rows = max(1, round(above * WALL_DENSITY))
+            u, z = metres(columns, rows, WALL_DENSITY)
+            z = opening.height + z
             picture = WALLS[look.material](u, z.astype(np.float32), rgb(look.colour), self.rng)
             skirt(picture, z, self.plan.ceiling)
             picture[:, : round(CASING * WALL_DENSITY)] = WHITE * 0.98
@@ -434,9 +414,7 @@ class Builder:
         return mask
 
     def _sunlight(self, picture: Picture, x: Plane, y: Plane) -> None:
-        """Let daylight fall from every window onto the floor, as a soft patch two metres into the
-        room.
-        """
+        """Let daylight fall from every window onto the floor, two metres into the room."""
         for decoration in self.plan.decorations:
             face = self._face_of(decoration) if decoration.kind == "window" else None
             if face is None:
@@ -446,10 +424,8 @@ class Builder:
             normal = np.array([along[1], -along[0]])
             place = np.array([[decoration.x, decoration.y]])
             rows, columns = _around(np.vstack([place - SUNLIT, place + SUNLIT]), x, y)
-            dx, dy = (
-                x[None, columns] - np.float32(decoration.x),
-                y[rows, None] - np.float32(decoration.y),
-            )
+            dx = x[None, columns] - np.float32(decoration.x)
+            dy = y[rows, None] - np.float32(decoration.y)
             away, aside = dx * normal[0] + dy * normal[1], dx * along[0] + dy * along[1]
             slanted = aside - 0.35 * away
             patch = np.clip((decoration.width / 2.0 - np.abs(slanted)) / 0.15, 0.0, 1.0) * np.clip(
@@ -529,14 +505,10 @@ def _mirror_frame(picture: Picture, start: Floats, end: Floats, mirror: Mirror) 
         for at in (_along(start, end, *mirror.start), _along(start, end, *mirror.end))
         if at is not None
     )
-    a, b = (
-        round((ends[0] - MIRROR_RIM) * WALL_DENSITY),
-        round((ends[1] + MIRROR_RIM) * WALL_DENSITY),
-    )
-    low, high = (
-        round((mirror.bottom - MIRROR_RIM) * WALL_DENSITY),
-        round((mirror.top + MIRROR_RIM) * WALL_DENSITY),
-    )
+    a = round((ends[0] - MIRROR_RIM) * WALL_DENSITY)
+    b = round((ends[1] + MIRROR_RIM) * WALL_DENSITY)
+    low = round((mirror.bottom - MIRROR_RIM) * WALL_DENSITY)
+    high = round((mirror.top + MIRROR_RIM) * WALL_DENSITY)
     picture[max(0, a) : b, max(0, low) : high] = rgb("#8a6a3c")
     picture[max(0, a) : b, high - 2 : high] = rgb("#c9a565")
 
@@ -570,9 +542,7 @@ def _covers(outline: Floats, x: Plane, y: Plane) -> npt.NDArray[np.bool_]:
 
 
 def _lay(picture: Picture, x: Plane, y: Plane, pose: Pose2D, flat: Picture) -> None:
-    """Lay a picture (rows, columns, 3) onto the floor, its middle at `pose`; NaN lets the floor
-    through.
-    """
+    """Lay a picture (rows, columns, 3) on the floor, middle at `pose`; NaN is transparent."""
     depth, width = flat.shape[:2]
     cosine, sine = math.cos(pose.theta), math.sin(pose.theta)
     rows, columns = _around(rectangle(pose, width / FLOOR_DENSITY, depth / FLOOR_DENSITY), x, y)
@@ -586,9 +556,7 @@ def _lay(picture: Picture, x: Plane, y: Plane, pose: Pose2D, flat: Picture) -> N
 
 
 def _guide(width: float) -> Picture:
-    """Return the lane before a charging station, the robot's x along columns: two lines, and arrows
-    between them.
-    """
+    """Return the lane before a station, x along columns: two lines, arrows between them."""
     rows, columns = round((width + 0.2) * FLOOR_DENSITY), round(1.5 * FLOOR_DENSITY)
     picture = np.full((rows, columns, 3), np.nan, dtype=np.float32)
     v, u = np.mgrid[0:rows, 0:columns] / FLOOR_DENSITY

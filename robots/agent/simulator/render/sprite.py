@@ -20,26 +20,19 @@ STRIPE = 0.07  # metres
 
 @dataclass(frozen=True, eq=False)
 class Sprite:
-    """A picture (columns, rows, 3) like a wall's, NaN beside the body; its left edge is `left`
-    metres to the right of the middle.
-    """
+    """A picture (columns, rows, 3), NaN beside the body; its left edge is at `left` metres."""
 
     picture: Picture
     left: float
 
     @property
     def right(self) -> float:
-        """Return where its right edge is."""
         return self.left + len(self.picture) / DENSITY
 
 
 def draw(limbs: list[Limb], bearing: float, height: float) -> Sprite:
-    """Return what one sees of a body.
-
-    Args:
-        limbs: in the body's frame.
-        bearing: of the viewer in that frame, radians: 0 before it, pi / 2 at its left.
-        height: metres of the picture.
+    """Return a body as seen from `bearing` in its frame, radians: 0 before it, pi / 2 at its left;
+    `height` is that of the picture in metres.
     """
     columns, rows = round(2.0 * REACH * DENSITY), round(height * DENSITY)
     picture = np.full((columns, rows, 3), np.nan, dtype=np.float32)

@@ -40,9 +40,7 @@ class Texels:
 
 @dataclass(frozen=True)
 class Upright:
-    """A wall's picture: for each level where it begins, and how many columns it has; `rows` is the
-    same in all.
-    """
+    """A wall's picture: each level's begin and columns; `rows` is the same in all."""
 
     offsets: tuple[int, ...]
     columns: tuple[int, ...]
@@ -59,9 +57,7 @@ class Flat:
 
 
 def pack(picture: Picture) -> Texels:
-    """Return the texels (n * m,) of a picture (n, m, 3) from 0 to 1, row by row; NaN becomes a
-    hole.
-    """
+    """Return texels (n * m,) of a picture (n, m, 3) from 0 to 1; NaN becomes a hole."""
     colours = picture.reshape(-1, 3)
     holes = np.isnan(colours[:, 0])
     if holes.any():
@@ -75,9 +71,7 @@ def pack(picture: Picture) -> Texels:
 
 
 class TextureAtlas:
-    """Collects pictures; `luma` and `chroma` are what the camera gathers from. They are other
-    arrays when it has grown.
-    """
+    """Collects pictures; `luma` and `chroma` are replaced by larger arrays as it grows."""
 
     def __init__(self) -> None:
         self.luma: Luma = np.empty(SPACE, dtype=np.uint8)
@@ -125,7 +119,7 @@ def _narrower(picture: Picture) -> Picture:
     one, other = even[0::2], even[1::2]
     halved: Picture = (one + other) * np.float32(0.5)
     holes = np.isnan(halved)
-    if holes.any():  # what is next to a hole stays, so that stalks and arms do not vanish far away
+    if holes.any():  # keep texels next to a hole, so that stalks and arms do not vanish far away
         return np.where(holes, np.where(np.isnan(one), other, one), halved)
     blurred: Picture = ndimage.uniform_filter1d(halved, 2, axis=1)
     return blurred

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from robots.agent.simulator.render.bitmap_font import letters
-from robots.agent.simulator.render.materials import Picture, Plane, noise, plain, rgb, wood
+from robots.agent.simulator.render.materials import Picture, Plane, metres, noise, plain, rgb, wood
 
 PALETTES = (
     ("#1f3a5f", "#e3b04b", "#f4efe6", "#c8553d"),
@@ -32,7 +32,6 @@ def grid(columns: int, rows: int) -> tuple[Plane, Plane]:
 
 
 def canvas(columns: int, rows: int, colour: Plane) -> Picture:
-    """Return one colour."""
     return np.broadcast_to(colour, (columns, rows, 3)).astype(np.float32)
 
 
@@ -174,9 +173,7 @@ def poster(columns: int, rows: int, variant: int, rng: np.random.Generator) -> P
 
 
 def clock(columns: int, rows: int, variant: int, rng: np.random.Generator) -> Picture:
-    """Ten past ten, as in the shop; the corners outside of the dial are NaN, which the wall shows
-    through.
-    """
+    """Ten past ten, as in the shop; corners are NaN: the wall shows through."""
     del variant, rng
     x, y = grid(columns, rows)
     dx, dy = 2.0 * x - 1.0, 2.0 * y - 1.0
@@ -266,7 +263,7 @@ def books(
     columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator
 ) -> Picture:
     """A bookcase's front: shelves, and spines of many colours."""
-    picture: Picture = wood(*_metres(columns, rows, density), colour, rng) * np.float32(0.45)
+    picture: Picture = wood(*metres(columns, rows, density), colour, rng) * np.float32(0.45)
     shelf, board = round(0.34 * density), max(2, round(0.025 * density))
     spines = (
         "#7b2d26",
@@ -304,7 +301,7 @@ def cupboard(
     columns: int, rows: int, colour: Plane, density: float, rng: np.random.Generator
 ) -> Picture:
     """Doors with handles."""
-    picture = plain(*_metres(columns, rows, density), colour, rng)
+    picture = plain(*metres(columns, rows, density), colour, rng)
     doors = max(1, round(columns / density / 0.5))
     for number in range(doors + 1):
         at = min(columns - 1, number * columns // doors)
@@ -328,7 +325,7 @@ def door_leaf(
     handle_left: bool,
 ) -> Picture:
     """A panelled door with a handle."""
-    picture = wood(*_metres(columns, rows, density), colour, rng)
+    picture = wood(*metres(columns, rows, density), colour, rng)
     x, y = grid(columns, rows)
     for low, high in ((0.08, 0.44), (0.52, 0.94)):
         edge = np.maximum(
@@ -345,9 +342,7 @@ def door_leaf(
 
 
 def marker(columns: int, rows: int, seed: int) -> Picture:
-    """A charging station's sign: a black and white pattern of 6 x 6 that says
-    which station it is.
-    """
+    """A charging station's sign: 6 x 6 in black and white that identify the station."""
     bits = np.random.default_rng(seed).integers(0, 2, (4, 4)).astype(np.bool_)
     pattern = np.zeros((6, 6), dtype=np.float32)
     pattern[1:5, 1:5] = bits
@@ -380,10 +375,8 @@ def foliage(columns: int, rows: int, colour: Plane, rng: np.random.Generator) ->
         share = number / 45.0
         angle = rng.uniform(-1.25, 1.25) * (1.0 - 0.35 * share)
         length = rng.uniform(0.35, 0.62)
-        tip_x, tip_y = (
-            0.5 + 0.62 * length * np.sin(angle),
-            0.08 + share * 0.42 + length * np.cos(angle) * 0.72,
-        )
+        tip_x = 0.5 + 0.62 * length * np.sin(angle)
+        tip_y = 0.08 + share * 0.42 + length * np.cos(angle) * 0.72
         base_x, base_y = 0.5, 0.02 + 0.3 * share
         ax, ay = tip_x - base_x, tip_y - base_y
         along = ((x - base_x) * ax + (y - base_y) * ay) / (ax * ax + ay * ay)
@@ -397,12 +390,6 @@ def foliage(columns: int, rows: int, colour: Plane, rng: np.random.Generator) ->
         picture[leaf] = np.clip(colour * shade + (0.02, 0.03, 0.0), 0.0, 1.0)
         picture[leaf & (aside < 0.008)] = np.clip(colour * shade * 1.3, 0.0, 1.0)
     return picture
-
-
-def _metres(columns: int, rows: int, density: float) -> tuple[Plane, Plane]:
-    u = (np.arange(columns, dtype=np.float32) + 0.5)[:, None] / np.float32(density)
-    z = (np.arange(rows, dtype=np.float32) + 0.5)[None, :] / np.float32(density)
-    return u, z
 
 
 HANGING: dict[str, Callable[[int, int, int, np.random.Generator], Picture]] = {

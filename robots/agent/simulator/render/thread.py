@@ -1,6 +1,4 @@
-"""Draws pictures into shared memory while somebody looks, in a thread of its own: numpy lets go of
-the interpreter as it draws.
-"""
+"""Draws frames into shared memory while there are viewers, in a thread: numpy releases the GIL."""
 
 import threading
 import time
@@ -39,22 +37,15 @@ class Renderer(Protocol):
 
 
 def pose_at(view: CameraView, stamp: float) -> Pose2D:
-    """Return the pose a moment after a view: pictures come between the steps, and should not judder
-    with them.
-    """
+    """Return the pose a moment after a view: without it, frames judder with the steps."""
     ahead = min(max(stamp - view.stamp, 0.0), LONGEST_GUESS)
     return advance(view.pose, WheelMotion(*view.motion), ahead)
 
 
 class CameraThread:
-    """Starts with the first viewer, rests with the last.
+    """Draws while there are viewers; `make` builds the renderer in the thread, in a second.
 
-    Args:
-        make: builds the renderer, which takes a second; called in the thread.
-        ring: where the pictures go.
-        fps: pictures a second.
-        view: the newest moment of the simulation.
-        ready: told of each picture: its number, and the Unix time at which the world was sampled.
+    `ready` is called with each frame's number and capture stamp (Unix seconds).
     """
 
     def __init__(
@@ -65,27 +56,24 @@ class CameraThread:
         view: Callable[[], CameraView],
         ready: Callable[[int, float], None],
     ) -> None:
-        self._make, self._ring, self._period, self._view, self._ready = (
-            make,
-            ring,
-            1.0 / fps,
-            view,
-            ready,
-        )
+        self._make = make
+        self._ring = ring
+        self._period = 1.0 / fps
+        self._view = view
+        self._ready = ready
         self._watched = threading.Event()
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._run, name="camera", daemon=True)
         self._thread.start()
 
     def watch(self, *, watched: bool) -> None:
-        """Draw, or rest."""
         if watched:
             self._watched.set()
         else:
             self._watched.clear()
 
     def close(self) -> None:
-        """End the thread; waits for the picture at hand, not for textures in the making."""
+        """End the thread; waits for the present frame, not for textures."""
         self._ended.set()
         self._watched.set()
         self._thread.join(timeout=LONGEST_PICTURE)

@@ -1,8 +1,8 @@
 """Which things an eye meets, where in the picture, and how far away: everything about things that
 does not touch a pixel.
 
-All things are placed in the picture by their corners, what is left over is cast, and what no ray
-meets before it meets a wall is left out.
+All things are placed in the picture by their corners, the rest is cast, and things that no ray
+meets before a wall are left out.
 
 Longer than most files: the steps from corners to sights share their arrays.
 """
@@ -33,7 +33,7 @@ from robots.world.solids import Floats
 
 NEAR = 0.05  # metres before the lens within which a corner cannot be projected
 SORTED = 8  # every so manyth ray decides what stands before what
-SMALLEST = 4  # rows, of which one is rounding: what is lower is not drawn
+SMALLEST = 4  # rows, of which one is rounding: lower things are not drawn
 
 
 class PictureWindow(NamedTuple):
@@ -46,11 +46,9 @@ class PictureWindow(NamedTuple):
 
     @property
     def is_empty(self) -> bool:
-        """Tell whether there is no pixel in it."""
         return self.bottom <= self.top or self.right <= self.left
 
     def within(self, other: "PictureWindow") -> "PictureWindow":
-        """Return what is in both."""
         return PictureWindow(
             max(self.top, other.top),
             min(self.bottom, other.bottom),
@@ -67,9 +65,7 @@ class PictureWindow(NamedTuple):
 
     @property
     def pairs(self) -> tuple[EllipsisType, slice, slice]:
-        """Return its pairs of rows, of a window that holds only such, and its columns: of tables
-        (…, height / ROWS, width).
-        """
+        """Return its rows in pairs and its columns, for tables (…, height / ROWS, width)."""
         return ..., slice(self.top // ROWS, self.bottom // ROWS), slice(self.left, self.right)
 
 
@@ -90,23 +86,16 @@ class ItemSight(NamedTuple):
     texel: npt.NDArray[np.int32]
 
     def within(self, window: PictureWindow) -> "ItemSight":
-        """Return what of it is in a part of the picture."""
         return self._replace(window=self.window.within(window))
 
 
 def look(
     things: Things, lens: Lens, eye: Eye, walls: Distances, within: PictureWindow
 ) -> list[ItemSight]:
-    """Return what is in the picture of an eye, what hides coming after what is hidden.
+    """Return an eye's sights within a part of the frame, the hidden before what hides them; `walls`
+    (RAYS,) is how far it sees.
 
     Rays along a side divide by zero and miss it; the caller ignores numpy's warnings about that.
-
-    Args:
-        things: what there is.
-        lens: the tables of the pitch.
-        eye: where one looks from.
-        walls: (RAYS,) how far it sees.
-        within: the part of the picture that matters.
     """
     if not things.items or within.is_empty:
         return []
@@ -150,14 +139,10 @@ def _edges(things: Things, faces: Places, level: Floats, lens: Lens, height: flo
     u0, low, low_depth = lens.project(forward, left, (things.bottom[owner] - height)[None])
     u1, high, high_depth = lens.project(forward, left, (things.top[owner] - height)[None])
     depth = np.minimum.reduceat(np.minimum(low_depth, high_depth).min(axis=0), starts)
-    from_low, to_low = (
-        np.minimum.reduceat(low.min(axis=0), starts),
-        np.maximum.reduceat(low.max(axis=0), starts),
-    )
-    from_high, to_high = (
-        np.minimum.reduceat(high.min(axis=0), starts),
-        np.maximum.reduceat(high.max(axis=0), starts),
-    )
+    from_low = np.minimum.reduceat(low.min(axis=0), starts)
+    to_low = np.maximum.reduceat(low.max(axis=0), starts)
+    from_high = np.minimum.reduceat(high.min(axis=0), starts)
+    to_high = np.maximum.reduceat(high.max(axis=0), starts)
     left = np.minimum.reduceat(np.minimum(u0, u1).min(axis=0), starts)
     right = np.maximum.reduceat(np.maximum(u0, u1).max(axis=0), starts)
     edges = np.stack(
@@ -194,9 +179,7 @@ def _farthest(walls: Distances, first: Places, last: Places) -> Distances:
 
 
 class _Pool:
-    """A row of RAYS for every item of `things` in `kept`: where rays come in, where they go out,
-    and what they meet.
-    """
+    """A row of RAYS per item in `kept`: where rays come in and out, and what they meet."""
 
     def __init__(self, things: Things, kept: Places, nearest: Floats, focal: float) -> None:
         self._things, self._kept = things, kept
@@ -234,7 +217,7 @@ class _Pool:
     def sights(
         self, edges: Floats, lens: Lens, height: float, within: PictureWindow
     ) -> list[ItemSight]:
-        """Return what is met at all in a part of the picture, far to near."""
+        """Return the sights in a part of the frame, far to near."""
         met = self._entry < np.float32(FAR)
         seen = np.flatnonzero(met.any(axis=1))
         met, entry, number = met[seen], self._entry[seen], self._kept[seen]
@@ -248,10 +231,8 @@ class _Pool:
         first, last = lens.rows(
             np.maximum(high / nearest, high / farthest), np.minimum(low / nearest, low / farthest)
         )
-        top, bottom = (
-            np.maximum(np.minimum(low_from, high_from), first),
-            np.minimum(np.maximum(low_to, high_to), last),
-        )
+        top = np.maximum(np.minimum(low_from, high_from), first)
+        bottom = np.minimum(np.maximum(low_to, high_to), last)
         left, right = np.maximum(left, begin), np.minimum(right, end)
         places = np.stack(
             [top, bottom, left, right, high_from, high_to, low_from, low_to], axis=1
@@ -286,9 +267,9 @@ def _thinned(entry: Distances) -> Distances:
 
 
 def far_to_near(nearest: Distances, group: Places, vertical: list[float]) -> list[int]:
-    """Return the order in which to draw, so that what hides comes after what is hidden.
+    """Return the order in which to draw: the hidden before what hides them.
 
-    Groups stand on disjoint convex outlines, more or less: where the same ray meets two of them,
+    Groups have disjoint convex outlines, more or less: where the same ray meets two of them,
     the nearer one hides the other, and within half a turn that has no cycles. Inside a group the
     parts lie one above the other: those further from the eye's height first, then the far ones.
 

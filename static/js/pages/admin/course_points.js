@@ -72,11 +72,12 @@ export const without = (points, n, least) =>
  */
 export const stepOf = (key, small) => {
   const step = small ? 0.02 : 0.1;
+  /** @type {Record<string, Point>} */
   const steps = {
     ArrowLeft: [-step, 0],
     ArrowRight: [step, 0],
     ArrowUp: [0, step],
     ArrowDown: [0, -step],
   };
-  return /** @type {Record<string, Point>} */ (steps)[key] ?? null;
+  return steps[key] ?? null;
 };

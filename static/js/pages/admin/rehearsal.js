@@ -1,13 +1,12 @@
-/**
- * A rehearsal's page: asks every few seconds how far it is, while somebody looks, and loads the
- * report when it has ended.
- */
+/** A rehearsal's page: requests its progress every few seconds, and loads the report at the end. */
+
+import { write } from "../../lib/dom.js";
+import { find, pollWhileVisible } from "../../lib/page_poll.js";
 
 const PERIOD_MS = 3000;
-const section = document.querySelector("[data-rehearsal]");
-const text = section.querySelector("[data-text]");
-const bar = section.querySelector("[data-bots]");
-let timer = 0;
+const section = find("[data-rehearsal]");
+const text = find("[data-text]", section);
+const bar = find("[data-bots]", section);
 
 async function refresh() {
   try {
@@ -18,22 +17,12 @@ async function refresh() {
     if (!answer.ok) throw new Error(`rehearsal: ${answer.status}`);
     const state = await answer.json();
     if (!state.live) return location.reload();
-    // each write is read out by a screen reader
-    if (text.textContent !== state.text) text.textContent = state.text;
+    write(text, state.text);
     bar.max = state.progress.of_bots ?? 1;
     bar.value = state.progress.bots ?? 0;
   } catch {
-    // the site is away for a moment: what is shown stays
+    // the site is unavailable for a moment: what is shown stays
   }
-  schedule();
 }
 
-function schedule() {
-  clearTimeout(timer);
-  if (!document.hidden) timer = setTimeout(refresh, PERIOD_MS);
-}
-
-document.addEventListener("visibilitychange", () =>
-  document.hidden ? clearTimeout(timer) : refresh(),
-);
-schedule();
+pollWhileVisible(refresh, PERIOD_MS);

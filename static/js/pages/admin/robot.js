@@ -1,18 +1,14 @@
-/**
- * A robot's page in the administration: asks every two seconds how the robot is, while somebody
- * looks, and changes only what changed.
- */
+/** A robot's page in the administration: shows the robot's state every two seconds. */
 
 import { write } from "../../lib/dom.js";
+import { find, pollWhileVisible } from "../../lib/page_poll.js";
 
 const PERIOD_MS = 2000;
 const PATIENCE_MS = 5000;
-const section = document.getElementById("robot-overview");
-const part = (/** @type {string} */ name) =>
-  /** @type {HTMLElement} */ (section.querySelector(`[data-${name}]`));
-let timer = 0;
+const section = find("#robot-overview");
+const part = (/** @type {string} */ name) => find(`[data-${name}]`, section);
 
-/** The first sign of life: says so, and lets the owner show the robot to visitors. */
+/** The robot has connected for the first time: its owner may show it to visitors. */
 function welcome() {
   section.dataset.connected = "true";
   part("waiting").hidden = true;
@@ -20,7 +16,7 @@ function welcome() {
   part("wait").dataset.done = "";
   const screen = part("screen");
   if (screen) screen.hidden = false;
-  const shown = document.querySelector("input[name=shown_to_visitors]");
+  const shown = find("input[name=shown_to_visitors]");
   if (shown) shown.disabled = false;
 }
 
@@ -37,7 +33,7 @@ function spend() {
  */
 function renderFields(fields) {
   for (const [name, text] of Object.entries(fields)) {
-    const field = document.querySelector(`.field-${name} .readonly`);
+    const field = find(`.field-${name} .readonly`);
     if (field) write(field.querySelector("[data-state]") ?? field, text);
   }
 }
@@ -63,17 +59,8 @@ async function refresh() {
     });
     if (answer.ok && !answer.redirected) render(await answer.json());
   } catch {
-    // The server or the network is away for a moment: what the page says is as old as that.
+    // the site is unavailable for a moment: what is shown stays
   }
-  schedule();
 }
 
-function schedule() {
-  clearTimeout(timer);
-  if (!document.hidden) timer = setTimeout(refresh, PERIOD_MS);
-}
-
-document.addEventListener("visibilitychange", () =>
-  document.hidden ? clearTimeout(timer) : refresh(),
-);
-if (section) schedule();
+if (section) pollWhileVisible(refresh, PERIOD_MS);

@@ -2,6 +2,8 @@
  * The live view's page: asks every two seconds while somebody looks, and changes only what changed.
  */
 
+import { write } from "../../lib/dom.js";
+import { pollWhileVisible } from "../../lib/page_poll.js";
 import { readWords } from "../../lib/words.js";
 import { drawGround, drawStops } from "../../study/course.js";
 import { RobotMap } from "../../view/map/robot_map.js";
@@ -34,18 +36,6 @@ const words = readWords(element("words"), document.documentElement.lang);
 /** @type {Map<string, Card>} */
 const cards = new Map();
 let freshAt = Date.now() / 1000;
-let timer = 0;
-
-/**
- * Write only a change: each write is read out by a screen reader.
- * @param {HTMLElement} place
- * @param {string} text
- */
-const say = (place, text) => {
-  if (place.textContent !== text) {
-    place.textContent = text;
-  }
-};
 
 // --- robots --------------------------------------------------------------------------------------
 
@@ -106,21 +96,24 @@ const showRobot = (robot, drive, queue) => {
   map.setDoors(doorStates(robot, drive));
   showCourse(shown, robot, drive);
   card.dataset.driven = String(Boolean(drive));
-  say(parts.title, robot.title);
-  say(parts.state, stateOf(robot, drive, words));
-  say(parts.driver, driverOf(drive, words));
-  say(parts.task, taskOf(drive, words));
-  say(parts.wizard, wizardOf(drive, words));
+  card.dataset.use = robot.use;
+  parts.use.hidden = robot.use === "open";
+  write(parts.use, robot.use === "open" ? "" : words.say(`use_${robot.use}`));
+  write(parts.title, robot.title);
+  write(parts.state, stateOf(robot, drive, words));
+  write(parts.driver, driverOf(drive, words));
+  write(parts.task, taskOf(drive, words));
+  write(parts.wizard, wizardOf(drive, words));
   parts.wizard.parentElement.hidden = !drive?.wizard;
-  say(parts.remaining, lasted(drive?.task?.remaining));
-  say(
+  write(parts.remaining, lasted(drive?.task?.remaining));
+  write(
     parts.speed,
     drive?.speed === null || drive?.speed === undefined ? "–" : `${drive.speed.toFixed(2)} m/s`,
   );
-  say(parts.network, networkOf(drive?.network, words));
-  say(parts.battery, batteryOf(robot, words));
-  say(parts.queue, queueOf(queue, words));
-  say(parts.doors, doorsOf(robot, drive, words));
+  write(parts.network, networkOf(drive?.network, words));
+  write(parts.battery, batteryOf(robot, words));
+  write(parts.queue, queueOf(queue, words));
+  write(parts.doors, doorsOf(robot, drive, words));
   showLinks(parts, robot, drive);
 };
 
@@ -204,12 +197,12 @@ const act = async (event, name) => {
     const { problem } = answer.headers.get("Content-Type")?.startsWith("application/json")
       ? await answer.json()
       : { problem: words.say("failed") };
-    say(parts.said, problem || words.say("done"));
+    write(parts.said, problem || words.say("done"));
     if (!problem) {
       form.reset();
     }
   } catch {
-    say(parts.said, words.say("failed"));
+    write(parts.said, words.say("failed"));
   }
   refresh();
 };
@@ -262,12 +255,11 @@ const show = (news) => {
 /** @param {string} word */
 const showStale = (word) => {
   element("live").dataset.state = "stale";
-  say(element("stale"), words.say(word, { t: timeOf(freshAt) }));
+  write(element("stale"), words.say(word, { t: timeOf(freshAt) }));
   element("stale").hidden = false;
 };
 
 const refresh = async () => {
-  clearTimeout(timer);
   try {
     const answer = await fetch(config.data, {
       credentials: "same-origin",
@@ -282,13 +274,6 @@ const refresh = async () => {
   } catch {
     showStale("stale");
   }
-  clearTimeout(timer);
-  if (!document.hidden) {
-    timer = setTimeout(refresh, PERIOD_MS);
-  }
 };
 
-document.addEventListener("visibilitychange", () =>
-  document.hidden ? clearTimeout(timer) : refresh(),
-);
-refresh();
+void refresh().then(() => pollWhileVisible(refresh, PERIOD_MS));

@@ -20,7 +20,7 @@ const make = (tag, name, text = "") => {
 
 /**
  * @param {HTMLElement} list
- * @param {import("./record.js").Record} record
+ * @param {import("./record.js").SessionRecord} record
  * @param {{t: number, url: string}[]} photos
  * @param {import("../../lib/words.js").Words} words
  * @param {(t: number) => void} go

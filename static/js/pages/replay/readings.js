@@ -11,7 +11,7 @@ const told = (value, write) => (value === null || value === undefined ? NONE : w
 
 /**
  * @param {(id: string) => HTMLElement} element
- * @param {import("./record.js").Record} record
+ * @param {import("./record.js").SessionRecord} record
  * @param {import("../../lib/words.js").Words} words
  * @returns {(t: number) => void}
  */
@@ -32,7 +32,7 @@ export const createReadings = (element, record, words) => {
 };
 
 /**
- * @param {import("./record.js").Record} record
+ * @param {import("./record.js").SessionRecord} record
  * @param {number} t
  * @param {import("../../lib/words.js").Words} words
  * @returns {Record<string, string>}
@@ -65,7 +65,7 @@ const placeTold = ({ x, y, theta }) =>
 
 /**
  * @param {number | null} charge
- * @param {boolean} docked
+ * @param {number} docked 0 or 1
  * @param {import("../../lib/words.js").Words} words
  */
 const batteryTold = (charge, docked, words) => {

@@ -4,7 +4,7 @@
  */
 
 /**
- * @typedef {object} Record
+ * @typedef {object} SessionRecord
  * @property {number} begin Unix seconds
  * @property {number} duration s
  * @property {boolean} ended
@@ -101,7 +101,7 @@ export const momentAt = (states, t) => {
 
 /**
  * The command in force: the last one, unless it is too old to be.
- * @param {Record} record
+ * @param {SessionRecord} record
  * @param {number} t
  * @returns {{v: number, w: number, method: string, way: string, age: number | null} | null}
  */
@@ -121,7 +121,7 @@ export const commandAt = ({ commands, words }, t) => {
 
 /**
  * The second of network that a moment lies in.
- * @param {Record} record
+ * @param {SessionRecord} record
  * @param {number} t
  * @returns {Record<string, number | null> | null}
  */

@@ -27,7 +27,7 @@ export class ReplayMap {
   /**
    * @param {HTMLCanvasElement} canvas
    * @param {import("../../view/map/floor_plan.js").FloorPlan | null} site
-   * @param {import("./record.js").Record} record
+   * @param {import("./record.js").SessionRecord} record
    * @param {[number, number][]} footprint m, in the robot's frame
    */
   constructor(canvas, site, record, footprint) {

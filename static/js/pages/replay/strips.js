@@ -24,7 +24,7 @@ const SOURCES = ["task", "server", "robot", "page", "lab"];
 
 /**
  * @param {HTMLCanvasElement} canvas
- * @param {import("./record.js").Record} record
+ * @param {import("./record.js").SessionRecord} record
  * @param {{speed: string, trip: string, fps: string, loss: string,
  *   method: (name: string) => string}} words
  * @param {Set<string>} sources whose events are shown
@@ -76,7 +76,7 @@ const remembered = (ask) => {
   return (name) => known.get(name) ?? known.set(name, ask(name)).get(name) ?? "";
 };
 
-/** @param {Row} row @param {import("./record.js").Record["events"]} events */
+/** @param {Row} row @param {import("./record.js").SessionRecord["events"]} events */
 const drawEvents = ({ context, width, top, height, colour, duration }, events) => {
   for (const [t, source] of events) {
     const lane = Math.max(0, SOURCES.indexOf(source));
@@ -133,7 +133,7 @@ const drawLine = (
 
 /**
  * @param {Row} row
- * @param {import("./record.js").Record} record
+ * @param {import("./record.js").SessionRecord} record
  * @param {{speed: string, method: (name: string) => string}} words
  */
 const drawSpeed = (row, { states, commands, words: names }, words) => {
@@ -167,7 +167,7 @@ const drawSpeed = (row, { states, commands, words: names }, words) => {
 /**
  * Stretches of time that were driven with one input method without a pause, so that thousands of
  * commands are a few rectangles.
- * @param {{t: number[], method: number[]}} commands
+ * @param {Record<string, number[]>} commands
  * @returns {[number, number, number][]} from s, to s, method
  */
 export const stretches = ({ t, method }) => {
@@ -189,7 +189,7 @@ const methodColour = (i) => `strip-method-${i % METHODS}`;
 
 /**
  * @param {Row} row
- * @param {import("./record.js").Record} record
+ * @param {import("./record.js").SessionRecord} record
  * @param {{trip: string, fps: string, loss: string}} words
  */
 const drawNetwork = (row, { network }, words) => {
@@ -210,7 +210,11 @@ const drawNetwork = (row, { network }, words) => {
   ]);
 };
 
-/** @param {Row} row @param {import("./record.js").Record} record @param {{loss: string}} words */
+/**
+ * @param {Row} row
+ * @param {import("./record.js").SessionRecord} record
+ * @param {{loss: string}} words
+ */
 const drawLoss = (row, { network }, words) => {
   const { context, width, top, height, colour, duration } = row;
   rule(row, top, colour("line"));

@@ -13,13 +13,14 @@ import { readWords } from "../../lib/words.js";
 import { Devices } from "../../presence/devices.js";
 import { RemotePointers } from "../../presence/remote_pointers.js";
 import { lineOf } from "../../presence/message_line.js";
+import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../view/hud/faults.js";
 import { isRefusal, newRelease } from "../../protocol/estop_release.js";
 import { Rejection, decodePacket, encodePacket } from "../../protocol/robot_api.js";
 import { MediaSender } from "./media_sender.js";
 import { createChime } from "./chime.js";
 import { exchangeKey } from "./key.js";
 import { Receipts, newFate, whenSeen } from "./receipts.js";
-import { sceneFor, titleOf } from "./scene.js";
+import { sceneFor, titleOf, troubleOf } from "./scene.js";
 import { createVoice } from "./speech.js";
 
 const TICK = 0.1; // s
@@ -27,6 +28,7 @@ const BEAT = 2; // s; tells the robot that this display lives while nobody speak
 const RELOAD_AFTER = 3000; // ms
 const NOT_ALLOWED = 4403;
 const MOST_LINES = 30;
+const REPEATED = new Set(["estop", "confirm_words"]); // until the robot answers
 
 const element = (/** @type {string} */ id) =>
   /** @type {HTMLElement} */ (document.getElementById(id));
@@ -54,6 +56,11 @@ const told = {
   stop: null,
   release: null,
   askedAt: null,
+  trouble: "",
+  failing: false,
+  linked: false,
+  actedAt: -Infinity,
+  deniedAt: -Infinity,
 };
 const pointers = new RemotePointers({
   video,
@@ -82,14 +89,14 @@ const mediaSender = new MediaSender({
 const socket = new Socket({
   url: new URL(config.socket, location.href.replace(/^http/, "ws")).href,
   onPacket: (packet) => receive(packet),
-  onOpen: () => undefined,
+  onOpen: () => show(),
   onLost: (code) => {
     if (code === NOT_ALLOWED) {
       told.keyed = false;
       link.close();
       socket.close();
     }
-    told.online = false;
+    told.online = told.failing = false;
     show();
   },
 });
@@ -97,13 +104,13 @@ const socket = new Socket({
 const link = new Link({
   makePeer: (role) =>
     new Peer({
-      role,
+      role: /** @type {any} */ (role),
       gives: true,
       onSignal: (message) => socket.send(encodePacket("signal", message)),
       onPacket: (packet) => receive(packet, true),
     }),
   onDropping: () => undefined,
-  onOpening: (peer) => {
+  onOpening: (/** @type {any} */ peer) => {
     video.srcObject = new MediaStream([peer.video.track]);
     audio.srcObject = new MediaStream([peer.audio.track]);
     void hear();
@@ -111,7 +118,7 @@ const link = new Link({
   onLive: () => {
     attempt = 0;
     if (link.peer) {
-      void mediaSender.to(link.peer);
+      void mediaSender.to(/** @type {Peer} */ (link.peer));
     }
     show();
   },
@@ -223,13 +230,31 @@ const HANDLERS = {
     write(element("asked-text"), text);
   },
   "signal/reply": (message) => void link.signal(message),
+  "server/status": ({ faults }) => {
+    told.failing = shownFaults(faults, 0).some(
+      ({ part, then }) => part !== "robot" && then !== "goes_on",
+    );
+    show();
+  },
+  denied: ({ suffix }) => {
+    if (suffix === "command/action") {
+      told.release = null; // the robot was not asked: it is offered again
+      told.deniedAt = unixNow();
+      show();
+    }
+  },
 };
 
 // --- what the people here do ---------------------------------------------------------------------
 
 /** @param {string} type @param {object} [fields] @param {string} [actionId] */
-const act = (type, fields = {}, actionId = freshId("screen-")) =>
-  socket.send(encodePacket("command/action", { type, actionId, stamp: unixNow(), ...fields }));
+const act = (type, fields = {}, actionId = freshId("screen-")) => {
+  const stamp = unixNow();
+  if (!REPEATED.has(type)) {
+    told.actedAt = stamp;
+  }
+  socket.send(encodePacket("command/action", { type, actionId, stamp, ...fields }));
+};
 
 const stop = () => {
   told.stop = { id: freshId("stop-"), since: unixNow() };
@@ -366,12 +391,12 @@ const show = () => {
   element("watching").hidden = watching === 0;
   write(element("watching"), watching ? words.say("watching", { n: watching }) : "");
   element("notice").hidden = !study;
-  element("trouble").hidden = mediaSender.trouble === "";
-  write(
-    element("trouble"),
-    mediaSender.trouble &&
-      words.say(mediaSender.trouble === "refused" ? "give.refused" : "give.missing"),
-  );
+  told.trouble = mediaSender.trouble && (mediaSender.trouble === "refused" ? "refused" : "missing");
+  told.linked = link.live;
+  const trouble = troubleOf(told, socket.silence(unixNow()), unixNow());
+  element("trouble").hidden = trouble === "";
+  element("trouble").dataset.word = trouble;
+  write(element("trouble"), trouble && words.say(trouble));
   // A face may lose its edges to fill the display; a screen that is shown has to be read to them.
   const isWhole = whole || Math.abs(video.videoWidth / video.videoHeight - 4 / 3) > 0.2;
   if (isWhole !== video.hasAttribute("data-whole")) {
@@ -440,8 +465,12 @@ const tick = () => {
   link.watch(now);
   repeatStop();
   receipts.tick(now);
-  if (told.release || told.askedAt) {
-    show(); // the time for the robot's answer runs
+  const silence = socket.silence(now);
+  if (silence > SOCKET_SILENCE) {
+    socket.redial();
+  }
+  if (told.release || told.askedAt || silence > SERVER_SILENCE) {
+    show(); // the time for an answer runs
   }
   if (now - beatAt > BEAT) {
     beatAt = now;

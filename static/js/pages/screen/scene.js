@@ -2,6 +2,7 @@
  * What a robot's own display shows, from what it was told: decisions only.
  */
 
+import { SERVER_SILENCE } from "../../view/hud/faults.js";
 import { isHeld, releaseOf } from "../../protocol/estop_release.js";
 
 /** s without a state after which a robot that somebody drives counts as out of reach */
@@ -12,6 +13,8 @@ export const STALE_IDLE = 45;
 const UNCONFIRMED = 2;
 /** s in which the question whether to release a stop waits for its answer */
 const SURE = 15;
+const READING = 8; // s that a denied request is shown
+const ANSWERED = 5; // s after a request in which a denial is about it
 /** what a robot without a visitor does by itself: the server has sent it to its station */
 const ALONE = new Set(["goto", "docking"]);
 
@@ -29,6 +32,11 @@ const ALONE = new Set(["goto", "docking"]);
  *   that was asked for here and has not come
  * @property {number | null} [askedAt] when somebody wanted to release it, and was asked whether it
  *   is safe
+ * @property {"" | "refused" | "missing"} [trouble] with this display's own camera and microphone
+ * @property {boolean} [failing] whether a part of the server does not work
+ * @property {boolean} [linked] whether the WebRTC link to the robot lives: a stop needs no server
+ * @property {number} [actedAt] time of the last request made here, Unix seconds
+ * @property {number} [deniedAt] when the server denied something last
  */
 
 /**
@@ -77,6 +85,26 @@ export const sceneFor = (told, now) => {
         : Math.max(0, (state?.viewers ?? 0) - (state?.session ? 1 : 0)),
     ...stopOf(told, now),
   };
+};
+
+/**
+ * The line about what does not work: its word, empty for nothing.
+ * @param {Told} told
+ * @param {number} silence s since the server's last packet
+ * @param {number} now
+ */
+export const troubleOf = (told, silence, now) => {
+  const { trouble = "", failing, linked, actedAt = -Infinity, deniedAt = -Infinity } = told;
+  if (silence > SERVER_SILENCE) {
+    return "server.silent";
+  }
+  if (now - deniedAt < READING && deniedAt >= actedAt && deniedAt - actedAt < ANSWERED) {
+    return "denied";
+  }
+  if (failing) {
+    return linked ? "server.failing" : "server.failing_unlinked";
+  }
+  return trouble && `give.${trouble}`;
 };
 
 /**

@@ -10,12 +10,16 @@ import { ClockSync } from "../../protocol/clock_sync.js";
 import { CommandStream } from "../../protocol/command_stream.js";
 import { Link, isSupported } from "../../protocol/link.js";
 import { Peer } from "../../protocol/peer.js";
+import { areCredentialsOld } from "../../protocol/relay_credentials.js";
 import { Rejection, encodePacket } from "../../protocol/robot_api.js";
 import { Socket } from "../../protocol/socket.js";
 import { TransportRouter } from "../../protocol/transport_router.js";
 import { readPacket } from "./packets.js";
 
-/** @typedef {{peer: string | null, iceServers: RTCIceServer[], attempt: number}} Told */
+/**
+ * @typedef {{peer: string | null, iceServers: RTCIceServer[], iceAt: number,
+ *   attempt: number}} Told
+ */
 
 /**
  * @param {object} options
@@ -28,7 +32,7 @@ import { readPacket } from "./packets.js";
 export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) => {
   const clockSync = new ClockSync();
   const commands = new CommandStream({ freshId: () => freshId("stop-") });
-  const told = /** @type {Told} */ ({ peer: null, iceServers: [], attempt: 0 });
+  const told = /** @type {Told} */ ({ peer: null, iceServers: [], iceAt: 0, attempt: 0 });
 
   /** @param {unknown} packet @param {import("../../protocol/clock_sync.js").Transport} transport */
   const receive = (packet, transport) => {
@@ -60,7 +64,8 @@ export const createConnection = ({ url, viewport, shown, onMessage, onSocket }) 
       void link.signal(message);
     } else if (transport === "mqtt") {
       if (suffix === "wizard/hello") {
-        Object.assign(told, { peer: message.peer, iceServers: message.iceServers, attempt: 0 });
+        const { peer, iceServers } = message;
+        Object.assign(told, { peer, iceServers, iceAt: now, attempt: 0 });
         openVideo(link, told);
       }
       onMessage(suffix, message);
@@ -102,18 +107,24 @@ const newLink = ({ viewport, shown, socket, clockSync, told, receive }) => {
   const link = new Link({
     makePeer: (role) =>
       new Peer({
-        role,
+        role: /** @type {any} */ (role),
         onSignal: (message) => socket.send(encodePacket("signal", message)),
         onPacket: (packet) => receive(packet, "datachannel"),
       }),
     onDropping: () => viewport.freeze(),
-    onOpening: (peer) => {
+    onOpening: (/** @type {any} */ peer) => {
       shown.reset();
       clockSync.reset("datachannel");
       viewport.attach(peer.video, peer.audio);
     },
     onLive: () => (told.attempt = 0),
-    onLost: () => openVideo(link, told),
+    onLost: () => {
+      if (areCredentialsOld(told, unixNow())) {
+        socket.redial(); // the server's first message has new credentials
+      } else {
+        openVideo(link, told);
+      }
+    },
   });
   return link;
 };

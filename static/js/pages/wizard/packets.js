@@ -3,6 +3,7 @@
  * that it leaves out; everything else is Robot API, which protocol/robot_api.js reads.
  */
 
+import { isPassing } from "../../protocol/denials.js";
 import { decodePacket } from "../../protocol/robot_api.js";
 
 const STEP = {
@@ -75,7 +76,9 @@ const READERS = {
  * @param {{suffix: string, reason: string}} denied
  */
 export const noticeOfDenied = ({ suffix, reason }) =>
-  suffix.startsWith("wizard/") && reason === "unavailable" ? "unavailable" : null;
+  REQUEST.test(suffix) && isPassing({ reason }) ? "unavailable" : null;
+
+const REQUEST = /^(command\/action|wizard\/(?!reached))/;
 
 /**
  * @param {unknown} packet

@@ -8,9 +8,11 @@ import { unixNow } from "../../lib/clock.js";
 import { write } from "../../lib/dom.js";
 import { freshId } from "../../lib/ids.js";
 import { readWords } from "../../lib/words.js";
+import { SERVER_SILENCE, SOCKET_SILENCE, shownFaults } from "../../view/hud/faults.js";
 import { ShownFrame } from "../../view/video/capture_stamp.js";
 import { Viewport } from "../../view/video/viewport.js";
 import { createConnection } from "./connection.js";
+import { faultFor } from "./fault.js";
 import { noticeOfDenied } from "./packets.js";
 import { Hand } from "./hand.js";
 import { begin, turned, velocityOf } from "./moves.js";
@@ -41,6 +43,10 @@ const told = {
   robot: null,
   online: true,
   connected: false,
+  /** whether a WebSocket that is open brings nothing any more */
+  silent: false,
+  /** @type {import("../../view/hud/faults.js").ShownFault[]} */
+  faults: [],
   /**
    * a step that the page drives now
    * @type {{key: string, move: import("./moves.js").Move, actionId: string} | null}
@@ -79,6 +85,7 @@ const connection = createConnection({
   },
   onSocket: (open, code) => {
     told.connected = open;
+    told.faults = [];
     if (!open) {
       lose();
     }
@@ -158,7 +165,14 @@ const HANDLERS = {
     }
   },
   robot: ({ online }) => (told.online = online),
-  denied: (denied) => (told.notice = noticeOfDenied(denied) ?? told.notice),
+  "server/status": ({ faults }) => (told.faults = shownFaults(faults, unixNow())),
+  denied: (denied) => {
+    told.notice = noticeOfDenied(denied) ?? told.notice;
+    if (denied.suffix === "wizard/step") {
+      told.pending.clear();
+      endMove();
+    }
+  },
 };
 
 /** @param {string} actionId @param {number} latency s */
@@ -254,6 +268,7 @@ const frameAge = (now) => {
 const tick = () => {
   const now = unixNow();
   connection.link.watch(now);
+  listen(now);
   connection.router.repeatStop(now);
   if (told.granted) {
     drive(now);
@@ -291,7 +306,7 @@ const describe = ({ text, aloud, action, place, angle, turn, drive: way }) => {
 };
 
 const status = () => {
-  if (!told.connected) {
+  if (!told.connected || told.silent) {
     return "no_server";
   }
   if (!told.online) {
@@ -310,12 +325,27 @@ const status = () => {
   return told.scene.operator === "other" ? "other" : "free";
 };
 
+/** A WebSocket may die without a word, and so may the process at its other end. */
+const listen = (/** @type {number} */ now) => {
+  const silence = connection.socket.silence(now);
+  if (silence > SERVER_SILENCE !== told.silent) {
+    told.silent = !told.silent;
+    show();
+  }
+  if (silence > SOCKET_SILENCE) {
+    connection.socket.redial();
+  }
+};
+
 const show = () => {
   const { scene } = told;
   const at = status();
   element("wizard").dataset.state = at;
   write(element("status"), words.say(at));
-  write(element("notice"), told.notice ? words.say(told.notice) : "");
+  const fault = faultFor(told, unixNow());
+  const notice = fault?.word ?? told.notice;
+  element("notice").dataset.word = notice;
+  write(element("notice"), notice && words.say(notice, fault?.values));
   write(
     element("participant"),
     scene?.session

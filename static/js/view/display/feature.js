@@ -14,7 +14,7 @@ const setUp = (page) => {
   const { store, config } = page;
   const who = config.who ?? "";
   const keepAwake = createWakeLock({ document, locks: navigator.wakeLock });
-  store.update({ profile: recallProfile(who), suggested: config.suggested ?? null });
+  store.update({ profile: recallProfile(who) });
 
   /** @param {boolean} again whether this very session went on before the page was loaded */
   const begin = (again) => {

@@ -43,7 +43,7 @@ export const fixedProfile = ({ visit, study }) => (visit.terms ?? study)?.interf
  * @param {import("../../drive/features.js").State} state
  * @returns {string}
  */
-export const nameOf = (state) => known(fixedProfile(state) ?? state.profile ?? state.suggested);
+export const nameOf = (state) => known(fixedProfile(state) ?? state.profile);
 
 /** @param {import("../../drive/features.js").State} state */
 export const profileOf = (state) => PROFILES[nameOf(state)];

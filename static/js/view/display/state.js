@@ -3,6 +3,6 @@
 export const newSlice = () => ({
   /** the profile that the visitor chose, null as long as it is not: profiles.js */
   profile: /** @type {string | null} */ (null),
-  /** the profile that is offered first, null for none: sessions/interfaces.py */
-  suggested: /** @type {string | null} */ (null),
 });
+
+/** @typedef {ReturnType<typeof newSlice>} Slice */

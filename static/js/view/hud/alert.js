@@ -3,15 +3,28 @@
  * readings.js shows it.
  */
 
+import { isHeld } from "../../protocol/estop_release.js";
+import { isUnsettled } from "../../protocol/denials.js";
 import { roleOf } from "../../protocol/session.js";
 import { isAnswered, offersAround, wayOut } from "../../autonomy/offer.js";
 import { wordOf } from "../../autonomy/assistance.js";
+import { reports } from "../../autonomy/reasons.js";
 import { profileOf } from "../display/profiles.js";
-import { isCutOff, standstillOf } from "./standstill.js";
+import { faultAlert } from "./faults.js";
+import { isAway, isCutOff } from "./standstill.js";
 
 const SLOW_SECONDS = 0.4;
 const READING_SECONDS = 8; // of a sentence that nothing else makes disappear
 const NEEDED = new Set(["stop", "blind"]); // of what the robot does to help: why it does not move
+/** What the robot does must be read while a card is open; faults of the server are on the card. */
+const OVER_CARDS = /^alert\.(estop|estop_screen|runs_on|stop_unconfirmed)$/;
+/** In which a visitor without video waits for the server's answer, or in line. */
+const ASKING = new Set(["taking", "queued", "turn"]);
+
+const RUNS_ON = /** @type {const} */ ({ word: "alert.runs_on", tone: "danger" });
+
+/** @param {string} word */
+export const staysOverCards = (word) => OVER_CARDS.test(word);
 
 /**
  * @param {import("../../drive/features.js").State} state
@@ -25,76 +38,72 @@ export const alertFor = (state) => {
     return { word: "alert.stop_unconfirmed", tone: "danger" };
   }
   if (!roleOf(visit)) {
-    const asks = visit.phase !== "lobby" && visit.phase !== "closed";
-    const lost = visit.socket === "lost" || state.serverSilent;
-    return !asks
-      ? null
-      : lost
-        ? { word: "alert.server", tone: "busy" }
-        : ["taking", "queued", "turn"].includes(visit.phase)
-          ? faultAlert(state)
-          : null;
+    const isMoving = ASKING.has(visit.phase) && !isCutOff(state) && reports(robot, "runs_on");
+    return isMoving ? RUNS_ON : (serverAlert(state) ?? denialAlert(state));
   }
+  const denial = denialAlert(state);
   return (
     robotAlert(state) ??
     faultAlert(state) ??
     linkAlert(state) ??
     (robot
       ? (answerAlert(state) ??
-        slowAlert(state) ??
+        // A slow connection is said for as long as it is slow, a denial for some seconds.
+        (denial ? null : slowAlert(state)) ??
         helpAlert(state) ??
+        denial ??
+        lostAlert(state) ??
         diskAlert(state) ??
         quietAlert(state))
-      : null)
+      : denial)
   );
 };
 
 /**
- * A part of the server, or the robot's computer, that does not do its work: which one, and what
- * that means for who drives. Without a way to the server what it last said may be over, and is not
- * said.
+ * What a card says in a line of its own: what fails at the server, or what it denied. The card
+ * covers the line over the video, which may say something else of the robot.
  * @param {import("../../drive/features.js").State} state
  * @returns {ReturnType<typeof alertFor>}
  */
-const faultAlert = ({ visit, faults, serverSilent, now }) => {
-  const fault = faults.find(
-    ({ part, then }) => then !== "goes_on" && (part !== "robot" || visit.link !== "live"),
-  );
-  if (!fault || visit.socket === "lost" || serverSilent) {
-    return null;
+export const warningFor = (state) => serverAlert(state) ?? denialAlert(state) ?? diskAlert(state);
+
+/**
+ * That the server does not work, or cannot be reached.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
+ */
+const serverAlert = (state) => {
+  const { visit, serverSilent } = state;
+  const cutOff = visit.socket === "lost" || serverSilent;
+  if (!roleOf(visit)) {
+    const asks = visit.phase !== "lobby" && visit.phase !== "closed";
+    if (cutOff) {
+      return asks ? { word: "alert.server", tone: "busy" } : null;
+    }
+    return ASKING.has(visit.phase) ? faultAlert(state) : null;
   }
-  // What goes through the broker stops with it; what goes straight to the robot lives as long as
-  // the lease.
-  const left =
-    fault.at === null || (fault.part === "broker" && visit.link !== "live")
-      ? 0
-      : Math.ceil(fault.at - now);
-  const driven = fault.then === "stops" && left <= 0 ? "stopped" : fault.then;
-  // Only a driver is told of driving on; who waits hears of the place, who watches of the robot.
-  const then =
-    visit.phase === "driving"
-      ? driven
-      : visit.phase === "watching"
-        ? fault.part === "robot"
-          ? "stopped"
-          : "watched"
-        : "waits";
-  return {
-    word: `fault.${fault.part}.${then}`,
-    tone: then === "waits" || then === "watched" ? "busy" : "danger",
-    values: { seconds: left },
-  };
+  const fault = faultAlert(state);
+  if (fault) {
+    return fault;
+  }
+  if (visit.link === "live") {
+    return cutOff || !visit.online ? { word: "alert.server_only", tone: "busy" } : null;
+  }
+  if (cutOff && visit.phase === "driving") {
+    return { word: "alert.server_driver", tone: "danger" };
+  }
+  return cutOff || visit.serverBlind ? { word: "alert.server", tone: "busy" } : null;
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
-const diskAlert = ({ faults }) => {
-  const fault = faults.find(({ then }) => then === "goes_on");
+const diskAlert = ({ visit, faults }) => {
+  const fault = roleOf(visit) && faults.find((/** @type {any} */ { then }) => then === "goes_on");
   return fault ? { word: `fault.${fault.part}`, tone: "busy" } : null;
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const robotAlert = (state) => {
-  const { visit, robot } = state;
+  const { visit, robot, room, operates } = state;
   // While the robot itself talks to the page it is there, whatever the server believes.
   if (!visit.online && visit.link !== "live") {
     return (
@@ -111,7 +120,7 @@ const robotAlert = (state) => {
     return null; // what it said of itself last may be over
   }
   if (reports(robot, "runs_on")) {
-    return { word: "alert.runs_on", tone: "danger" };
+    return RUNS_ON;
   }
   if (robot?.safety.estop) {
     return {
@@ -120,8 +129,7 @@ const robotAlert = (state) => {
     };
   }
   if (robot?.safety.inhibited === "fault") {
-    const isAway = standstillOf(robot) === "not_connected";
-    return { word: isAway ? "alert.not_connected" : "alert.fault", tone: "danger" };
+    return { word: isAway(robot) ? "alert.not_connected" : "alert.fault", tone: "danger" };
   }
   if (reports(robot, "cancel")) {
     return { word: "alert.cancel", tone: "busy" };
@@ -129,6 +137,9 @@ const robotAlert = (state) => {
   const touched = touchedWord(robot?.safety.touched ?? []);
   if (touched || robot?.safety.collision) {
     return { word: touched || "alert.collision", tone: "busy" };
+  }
+  if (visit.phase === "watching" && !operates && isHeld(robot, room.driver)) {
+    return { word: "alert.held", tone: "busy" };
   }
   return isUnguarded(state) && ["goto", "docking"].includes(robot?.mode)
     ? { word: "alert.unguarded", tone: "busy" }
@@ -140,10 +151,6 @@ const robotAlert = (state) => {
  * @param {import("../../drive/features.js").State} state
  */
 const isUnguarded = ({ factsheet }) => factsheet?.navigationControl === "unguarded";
-
-/** @param {any} robot its state @param {string} code of an error @returns {boolean} */
-const reports = (robot, code) =>
-  Boolean(robot?.errors?.some((/** @type {string} */ error) => error.startsWith(`${code}: `)));
 
 /**
  * What happened, on which side, and the way out: a contact beside the robot keeps it from turning,
@@ -165,10 +172,11 @@ const touchedWord = (sides) => {
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
-const linkAlert = ({ visit, robot, slow, playing, still, stuck, serverSilent }) => {
-  const cutOff = visit.socket === "lost" || serverSilent;
-  if (cutOff && visit.link !== "live" && visit.phase === "driving") {
-    return { word: "alert.server_driver", tone: "danger" };
+const linkAlert = (state) => {
+  const { visit, robot, slow, playing, still, stuck } = state;
+  const server = serverAlert(state);
+  if (server?.word === "alert.server_driver") {
+    return server;
   }
   if (visit.sfuLost) {
     return { word: "alert.sfu_lost", tone: "busy" };
@@ -185,13 +193,22 @@ const linkAlert = ({ visit, robot, slow, playing, still, stuck, serverSilent }) 
   if (still) {
     return { word: "alert.link_observer", tone: "busy" };
   }
-  if (stuck) {
+  return stuck ? null : server;
+};
+
+/**
+ * A request of the visitor that the server has just denied, until they ask for something else.
+ * @param {import("../../drive/features.js").State} state
+ * @returns {ReturnType<typeof alertFor>}
+ */
+const denialAlert = ({ denial, visit, now, said, barred, task, release }) => {
+  if (!denial || now >= denial.until || !isUnsettled(denial.word, visit)) {
     return null;
   }
-  if (cutOff || !visit.online) {
-    return { word: visit.link === "live" ? "alert.server_only" : "alert.server", tone: "busy" };
-  }
-  return null;
+  const others = [said?.at, barred?.at, task?.askedAt, release?.since];
+  return others.some((at) => at !== undefined && at > denial.at)
+    ? null
+    : { word: denial.word, tone: "busy" };
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
@@ -233,11 +250,12 @@ const helpAlert = (state) => {
   if (word && (profileOf(state).explains || NEEDED.has(help.why))) {
     return { word, tone: help.why === "blind" ? "busy" : "calm" };
   }
-  if (stuck) {
-    return { ...stuck, tone: "busy" };
-  }
-  return robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
+  return stuck ? { ...stuck, tone: "busy" } : null;
 };
+
+/** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
+const lostAlert = ({ robot }) =>
+  robot.pose?.localized === false ? { word: "alert.lost", tone: "busy" } : null;
 
 /** @param {import("../../drive/features.js").State} state @returns {ReturnType<typeof alertFor>} */
 const quietAlert = ({ visit, notice, now, slow, playing, told, practising }) => {

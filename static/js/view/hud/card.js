@@ -7,8 +7,9 @@ import { releaseFor, setsOut } from "../../autonomy/offer.js";
 import { isHeld } from "../../protocol/estop_release.js";
 import { roleOf } from "../../protocol/session.js";
 import { studyCard } from "../../study/end_cards.js";
+import { warningFor } from "./alert.js";
 import { betweenVisits, pauseOf, reasonForWaiting } from "./pause.js";
-import { isCutOff, standstillOf } from "./standstill.js";
+import { isAway, isCutOff, standstillOf } from "./standstill.js";
 
 /**
  * @typedef {{action: string, url: string}} FreeRobot the words of its button, and where it leads
@@ -18,6 +19,7 @@ import { isCutOff, standstillOf } from "./standstill.js";
  * @property {Record<string, string | number>} [values] for the sentences
  * @property {{word: string, values?: Record<string, string | number>} | null} [detail] a sentence
  *   in front of the text
+ * @property {ReturnType<typeof warningFor>} [warning] a line of its own: what fails just now
  * @property {boolean} [busy] something is under way
  * @property {{action: string, word: string}} [main]
  * @property {{action: string, word: string}} [other]
@@ -57,7 +59,9 @@ const AFTER = /** @type {Record<string, {action: string, word: string}>} */ ({
 
 /** @param {import("../../drive/features.js").State} state @returns {Card | null} */
 export const cardFor = (state) => {
-  return studyCard(state, usualCard(state));
+  const card = studyCard(state, usualCard(state));
+  const warning = card && warningFor(state);
+  return warning ? { ...card, warning } : card;
 };
 
 /** @param {import("../../drive/features.js").State} state @returns {Card | null} */
@@ -100,7 +104,11 @@ const usualCard = (state) => {
  */
 const withRelease = (card, state) => {
   const release = releaseFor(state);
-  return release ? { ...card, detail: { word: release.word }, extra: release.main } : card;
+  if (!release) {
+    return card;
+  }
+  const isSaid = card.word === "lobby.stopped_operates" && release.word === "release.held";
+  return { ...card, detail: isSaid ? null : { word: release.word }, extra: release.main };
 };
 
 /** @type {Record<string, (state: import("../../drive/features.js").State) => Card | null>} */
@@ -256,7 +264,7 @@ const ended = (reason, { guest, practising }, goesHome) => {
  */
 const elsewhere = ({ visit: { liveSince }, elsewhere: where }) => ({
   word: where ? `elsewhere.${where}` : "elsewhere",
-  detail: liveSince && { word: "elsewhere.since", values: { time: timeOfDay(liveSince) } },
+  detail: liveSince ? { word: "elsewhere.since", values: { time: timeOfDay(liveSince) } } : null,
   main: TAKE_OVER,
   other: HOME,
 });
@@ -270,13 +278,14 @@ const timeOfDay = (stamp) =>
   });
 
 /** @param {import("../../drive/features.js").State} state @returns {Card} */
-const lobby = ({ visit, room, robot, ...state }) => {
+const lobby = (state) => {
+  const { visit, room, robot } = state;
   const watch = { action: "watch", word: "do.watch" };
   if (visit.socket !== "open") {
     return { word: "connecting", busy: true };
   }
   if (visit.liveElsewhere && visit.mayDrive) {
-    return elsewhere({ visit, ...state });
+    return elsewhere(state);
   }
   if (visit.liveSince !== null && visit.mayDrive && visit.online) {
     return { word: "lobby.own", main: { action: "drive", word: "do.go_on" }, other: HOME };
@@ -304,12 +313,13 @@ const lobby = ({ visit, room, robot, ...state }) => {
     };
   }
   const [standstill, why] = [standstillOf(robot), betweenVisits(room.pause)];
-  const leaves = setsOut({ visit, robot, ...state });
+  const leaves = setsOut(state);
   const word =
     standstill ||
     (why === "paused" && robot?.docked ? "unfit" : why) ||
     (room.waiting > 0 ? "waiting" : "");
-  const ready = isHeld(robot, room.driver) ? "lobby.stopped" : leaves ? "lobby.docked" : "lobby";
+  const stopped = state.operates ? "lobby.stopped_operates" : "lobby.stopped";
+  const ready = isHeld(robot, room.driver) ? stopped : leaves ? "lobby.docked" : "lobby";
   return word
     ? {
         word: `lobby.${word}`,
@@ -331,8 +341,7 @@ const lobby = ({ visit, room, robot, ...state }) => {
  */
 const link = (/** @type {import("../../drive/features.js").State} */ state) => {
   const { visit, robot, finding, slow } = state;
-  const isAway = standstillOf(robot) === "not_connected";
-  if (!roleOf(visit) || state.playing || isCutOff(state) || isAway) {
+  if (!roleOf(visit) || state.playing || isCutOff(state) || isAway(robot)) {
     return null;
   }
   const isReached = visit.link !== "lost" || slow;

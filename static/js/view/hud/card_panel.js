@@ -2,22 +2,24 @@
  * Shows a card. It is no modal dialog: those would lie over the stop button and take its clicks.
  */
 
-import { write } from "../../lib/dom.js";
+import { backToDriving, write } from "../../lib/dom.js";
 
 export class CardPanel {
   /**
    * @param {object} options
-   * @param {HTMLElement} options.element with #card-title, #card-text, #card-instead, #card-main,
-   *   #card-extra, #card-other, #card-count in it
+   * @param {(id: string) => HTMLElement} options.element gives the page's elements: #card, with
+   *   #card-title, #card-warning, #card-text, #card-instead, #card-main, #card-extra, #card-other
+   *   and #card-count in it
    * @param {import("../../lib/words.js").Words} options.words
    * @param {(action: string) => void} options.onAction
    */
   constructor({ element, words, onAction }) {
-    const part = (/** @type {string} */ id) =>
-      /** @type {HTMLElement} */ (element.querySelector(`#card-${id}`));
-    this.element = element;
+    const part = (/** @type {string} */ id) => element(`card-${id}`);
+    this.element = element("card");
+    this.find = element;
     this.words = words;
     this.title = part("title");
+    this.warning = part("warning");
     this.text = part("text");
     this.count = part("count");
     this.main = /** @type {HTMLButtonElement} */ (part("main"));
@@ -39,6 +41,9 @@ export class CardPanel {
 
   /** @param {import("./card.js").Card | null} card */
   show(card) {
+    if (!card && this.element.contains(document.activeElement)) {
+      backToDriving(this.find); // also of a card that goes by itself
+    }
     this.element.hidden = card === null;
     if (card === null) {
       this.shown = "";
@@ -48,6 +53,7 @@ export class CardPanel {
       word,
       values = {},
       detail = null,
+      warning = null,
       busy = false,
       main,
       extra,
@@ -61,6 +67,9 @@ export class CardPanel {
     this.element.toggleAttribute("data-holds-keys", !busy);
     this.element.dataset.card = word;
     write(this.title, this.words.say(`${word}.title`, values));
+    this.warning.hidden = warning === null;
+    this.warning.dataset.word = warning?.word ?? "";
+    write(this.warning, warning ? this.words.say(warning.word, warning.values) : "");
     write(this.text, textOf({ word, values, detail }, this.words));
     write(this.count, countdown === undefined ? "" : String(countdown));
     this.#button(this.main, main);

@@ -15,7 +15,7 @@ import { createReadings } from "./readings.js";
 /** @param {import("../../drive/registry.js").Page} page */
 const setUp = ({ words, element, act }) => {
   const root = element("drive-page");
-  const panel = new CardPanel({ element: element("card"), words, onAction: act });
+  const panel = new CardPanel({ element, words, onAction: act });
   const renders = [
     createReadings(element, words),
     createControls(element, words, act),

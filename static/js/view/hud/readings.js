@@ -4,7 +4,7 @@
  */
 
 import { roleOf } from "../../protocol/session.js";
-import { alertFor } from "./alert.js";
+import { alertFor, staysOverCards } from "./alert.js";
 import { write } from "../../lib/dom.js";
 import { knownNow } from "./standstill.js";
 import { statusFor } from "./status.js";
@@ -61,6 +61,7 @@ const showAlert = (line, state, words) => {
   line.hidden = alert === null;
   line.dataset.tone = alert?.tone ?? "";
   line.dataset.word = alert?.word ?? "";
+  line.toggleAttribute("data-over-cards", staysOverCards(line.dataset.word));
   write(line, alert ? words.say(alert.word, alert.values) : "");
 };
 

@@ -3,26 +3,34 @@
  * robots/presence/report.py says it to lists and the queue, and what it is like now. Pure.
  */
 
+import { reports } from "../../autonomy/reasons.js";
+
 const STALE_SECONDS = 4; // robots speak at least once a second to a page that is open
 
 const THERE = new Set(["screen", "button"]);
 
 /**
  * @param {any} robot its last state, null before one came
- * @returns {"" | "estop_there" | "estop" | "not_connected" | "fault"} `estop_there`: somebody at
- *   the robot pressed it
+ * @returns {"" | "runs_on" | "estop_there" | "estop" | "not_connected" | "fault"} `runs_on`: it
+ *   moves although it should stand still, a fault to the server; `estop_there`: somebody at the
+ *   robot pressed it
  */
 export const standstillOf = (robot) => {
+  if (reports(robot, "runs_on")) {
+    return "runs_on";
+  }
   if (robot?.safety.estop) {
     return THERE.has((robot.safety.estopSource ?? "").split(":")[0]) ? "estop_there" : "estop";
   }
-  if (
-    robot?.errors?.some((/** @type {string} */ error) => /^adapter_(?:lost|starting): /.test(error))
-  ) {
+  if (isAway(robot)) {
     return "not_connected";
   }
   return robot?.safety.inhibited === "fault" ? "fault" : "";
 };
+
+/** Whether its agent does not reach it. @param {any} robot its last state */
+export const isAway = (robot) =>
+  reports(robot, "adapter_lost") || reports(robot, "adapter_starting");
 
 /**
  * Whether neither the server nor the page reaches it: what it said last may be over.

@@ -64,7 +64,7 @@ export const statusFor = ({ visit, room, playing, slow, robot }) => {
     };
   }
   if (isHeld(robot, room.driver)) {
-    return { word: "status.stopped", tone: "busy" };
+    return { word: "status.stopped", tone: "off" };
   }
   const why = betweenVisits(room.pause);
   return why ? { word: `status.${why}`, tone: "busy" } : { word: "status.ready", tone: "ok" };

@@ -4,6 +4,8 @@
  * hold the robot, and a last word when nobody knows.
  */
 
+import { reports } from "../../autonomy/reasons.js";
+
 const PATIENCE = 0.5; // s of input without motion
 const SILENCE = 1; // s without news of the robot
 
@@ -70,7 +72,7 @@ const robotSays = ({ safety, refused, errors }) => {
     return { word: "alert.cancel" };
   }
   if (safety.inhibited === "settling") {
-    return { word: "stuck.settling" };
+    return { word: reports({ errors }, "settling") ? "stuck.never_rests" : "stuck.settling" };
   }
   const [most] = Object.entries(refused ?? {})
     .sort(([, one], [, other]) => other - one)

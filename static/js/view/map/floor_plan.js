@@ -11,10 +11,7 @@ import { boundsOf, imageTransform, toScreen } from "./transform.js";
  * @typedef {{resolution: number, origin: [number, number, number], width: number, height: number,
  *   image?: string, plan?: any}} FloorPlan
  */
-/**
- * @typedef {{floor: string, wall: string, furniture: string, door: string, dock: string,
- *   name: string, font: string}} Paint
- */
+/** @typedef {Record<string, string>} Paint colours by name, and `font` */
 
 /** @param {FloorPlan} site @returns {import("./transform.js").Bounds} */
 export const boundsOfSite = (site) => {

@@ -12,3 +12,5 @@ export const newSlice = () => ({
   /** the plan of the place, null without one; robots.api.floorplan.FloorPlan */
   plan: /** @type {any} */ (null),
 });
+
+/** @typedef {ReturnType<typeof newSlice>} Slice */

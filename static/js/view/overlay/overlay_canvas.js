@@ -126,7 +126,7 @@ export class OverlayCanvas {
       ? {
           ...this.#pathNow(),
           footprint: this.press.footprint,
-          radius: Math.max(...this.press.footprint.map(([x]) => x)),
+          radius: Math.max(...this.press.footprint.map((/** @type {number[]} */ [x]) => x)),
           cues: cuesFor(state, eye.moment),
         }
       : null;

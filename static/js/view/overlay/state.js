@@ -27,3 +27,5 @@ export const newSlice = () => ({
    */
   maneuver: /** @type {import("../../input/maneuver.js").Kind | null} */ (null),
 });
+
+/** @typedef {ReturnType<typeof newSlice>} Slice */

@@ -78,19 +78,18 @@ export class Figures {
       value === undefined ? "–" : tenth.format(value);
     /** @type {RTCPeerConnection | null} */
     this.connection = null;
-    this.forget();
-  }
-
-  /** Another connection has figures of its own. */
-  forget() {
     /** @type {import("../../protocol/link_stats.js").Sample[]} */
     this.samples = [];
     /** @type {number[]} */
     this.glass = [];
-    /**
-     * @type {{age: number, frameAge?: number | null} | null} the last command that reached the
-     *   wheels
-     */
+    /** @type {{age: number, frameAge?: number | null} | null} the last command at the wheels */
+    this.applied = null;
+  }
+
+  /** Another connection has figures of its own. */
+  forget() {
+    this.samples = [];
+    this.glass = [];
     this.applied = null;
   }
 

@@ -20,17 +20,14 @@ export const captureStamp = (rtp, clock) => {
 
 /** Keeps the stamp of the frame that is on the screen. A new stream has a new origin: `reset`. */
 export class ShownFrame {
-  constructor() {
-    this.reset();
-  }
+  /** @type {{rtp: number, stamp: number, rate: number} | null} */
+  clock = null;
+  /** @type {number | null} */
+  rtp = null;
+  at = -Infinity; // when it came onto the screen, Unix seconds of the page
 
   reset() {
-    /** @type {{rtp: number, stamp: number, rate: number} | null} */
-    this.clock = null;
-    /** @type {number | null} */
-    this.rtp = null;
-    /** when it came onto the screen, Unix seconds of the page */
-    this.at = -Infinity;
+    Object.assign(this, new ShownFrame());
   }
 
   /** @param {{rtp: number, stamp: number, rate: number}} clock from the robot */

@@ -27,6 +27,8 @@ const newSlice = () => ({
   sound: false,
 });
 
+/** @typedef {ReturnType<typeof newSlice>} Slice */
+
 /** @param {import("../../drive/registry.js").Page} page */
 const setUp = (page) => {
   const { store, emit } = page;

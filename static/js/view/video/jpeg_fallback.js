@@ -11,6 +11,19 @@ const STRAY_SECONDS = 20;
 const FRESH_SECONDS = 2; // a picture that has been on the screen for longer is not of the present
 
 export class JpegFallback {
+  on = false;
+  /** @type {number | null} capture stamp of the frame on the screen, by the robot's clock */
+  stamp = null;
+  shownAt = -Infinity;
+  askedAt = -Infinity;
+  patience = PATIENCE_SECONDS;
+  /** @type {number | null} */
+  roundTrip = null;
+  drawing = false;
+  frames = 0;
+  bytes = 0;
+  round = {}; // what is being drawn for an earlier round is not shown
+
   /**
    * @param {object} options
    * @param {(request: {stamp: number, seen?: number, roundTrip?: number}) => boolean} options.ask
@@ -22,8 +35,6 @@ export class JpegFallback {
     this.ask = ask;
     this.show = show;
     this.onShown = onShown;
-    this.on = false;
-    this.#forget();
   }
 
   start() {
@@ -104,19 +115,14 @@ export class JpegFallback {
   }
 
   #forget() {
-    /**
-     * capture stamp of the picture on the screen, by the robot's clock; null without one
-     * @type {number | null}
-     */
     this.stamp = null;
     this.shownAt = -Infinity;
     this.askedAt = -Infinity;
     this.patience = PATIENCE_SECONDS;
-    /** @type {number | null} */
     this.roundTrip = null;
     this.drawing = false;
     this.frames = 0;
     this.bytes = 0;
-    this.round = {}; // what is being drawn for an earlier round is not shown
+    this.round = {};
   }
 }

@@ -60,7 +60,9 @@ export class Viewport {
   async showSlow(jpeg, isWanted) {
     let bitmap;
     try {
-      bitmap = await createImageBitmap(new Blob([jpeg], { type: "image/jpeg" }));
+      bitmap = await createImageBitmap(
+        new Blob([/** @type {any} */ (jpeg)], { type: "image/jpeg" }),
+      );
     } catch (error) {
       if (error instanceof DOMException) {
         return false;

@@ -70,6 +70,7 @@ async def test_who_is_asked_for_a_sign_gives_it_by_the_button_or_any_touch_and_i
             assert await page.title() == "Are you still there? · Giraff · Telepresence"
             await give()
             await page.wait_for_selector("#card", state="hidden")
+            assert await page.evaluate("document.activeElement.id") == "viewport"
             # given again, for the server has not said that it has it
             await until(lambda known=known: len(signs(site)) >= known + 2)
             site.tell("session/found_there", protocol.FoundThere(session=site.session))

@@ -315,7 +315,7 @@ async def test_the_screen_answers_first_where_the_owner_wants_it_and_stops_the_r
     await page.wait_for_selector("text=Ringing. Nobody can see or hear you yet.")
     await kept(page, "ringing")
     await kept(screen, "screen-rings")
-    assert site.media.visitor_counts.get("video", 0) == 0
+    assert site.media.visitor.counts.get("video", 0) == 0
     await screen.click("#accept")
     await screen.wait_for_selector("#face[data-scene=seen]")
     assert is_green(await evaluated(screen, COLOUR, is_green))

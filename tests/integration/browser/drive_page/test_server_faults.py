@@ -81,3 +81,18 @@ async def test_a_server_that_keeps_its_socket_and_says_nothing_is_out_of_reach_a
                 "#alert:not([data-word='alert.server_only'])", state="attached"
             )
         assert site.session == session
+
+
+async def test_who_waits_in_line_reads_on_the_card_what_fails(browser, site):
+    async with (
+        opened(browser, site, query="?go=1") as driver,
+        opened(browser, site, query="?go=1") as page,
+    ):
+        await driver.wait_for_selector("#drive-page[data-phase=driving]")
+        await page.wait_for_selector("#drive-page[data-phase=queued]")
+        for part in NAMES:
+            site.faults = (protocol.Fault(part=part, then="waits"),)
+            line = page.locator(f"#card-warning[data-word='fault.{part}.waits']:visible")
+            assert "You keep your place" in await line.inner_text()
+        site.faults = ()
+        await page.locator("#card-warning").wait_for(state="hidden")

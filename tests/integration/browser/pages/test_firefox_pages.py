@@ -6,6 +6,7 @@ import msgspec
 import pytest
 from django.test import Client
 
+from experiments.research import analysis_views
 from robots.models import Robot, RobotPresence
 from tests.integration.browser.studies.test_replay import made
 from tests.support.browsers.firefox import Firefox, firefox
@@ -95,7 +96,8 @@ def test_every_step_of_a_study(browser, live_server):
     assert not found, "\n".join(found)
 
 
-def test_a_researchers_pages_and_what_they_draw(browser, live_server):
+def test_a_researchers_pages_and_what_they_draw(browser, live_server, monkeypatch):
+    monkeypatch.setattr(analysis_views, "REFRESH_S", 3600)  # the page stays to be looked at
     visit = made()
     p.site()  # the course is drawn on its floor plan
     RobotPresence.objects.update(factsheet=msgspec.to_builtins(factsheet(series="giraff")))

@@ -142,6 +142,27 @@ def test_nothing_is_lost_without_a_network_and_over_a_reload(context, visit):
     assert CodingEdit.objects.count() == 1
 
 
+def test_a_comment_that_is_being_typed_outlasts_answers_of_the_server(context, visit):
+    one = opened(context, visit, 10.0)
+    saving = []
+    one.route("**/save/*", lambda route: saving.append(route))
+    one.keyboard.press("h")
+    one.get_by_label("Comment").fill("waves")
+    saving.pop().continue_()
+    expect(one.locator("#coding-saved")).to_have_text(SAVED)
+    two = opened(context, visit, 10.0)
+    rows(two).click()
+    two.get_by_label("whom").select_option("a visitor")
+    expect(rows(one).filter(has_text="a visitor")).to_have_count(1)
+    one.keyboard.type(" twice")
+    one.keyboard.press("Enter")
+    saving.pop().continue_()
+    expect(one.locator("#coding-saved")).to_have_text(SAVED)
+    expect(rows(one)).to_contain_text("a visitor · waves twice")
+    expect(one.locator("#coding-message")).to_be_hidden()
+    assert CodingEdit.objects.order_by("version").last().comment == "waves twice"
+
+
 def test_two_tabs_show_the_same_events_and_say_when_both_changed_one(context, visit):
     one, two = opened(context, visit, 10.0), opened(context, visit, 20.0)
     one.keyboard.press("h")

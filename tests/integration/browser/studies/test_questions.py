@@ -7,6 +7,7 @@ from axe_playwright_python.sync_playwright import Axe
 from django.urls import reverse
 from playwright.sync_api import expect
 
+from surveys.editor.labels import ready_points
 from surveys.models import Answer, Response
 from surveys.questionnaires import current, store
 from surveys.responses import Context, Respondent, begin
@@ -78,6 +79,32 @@ def respondent(browser, live_server, client):
     for page in opened:
         page.context.close()
     assert [problem for page in opened for problem in page.problems] == []
+
+
+# The words of labels that are on more than one line.
+BROKEN_WORDS = """[...document.querySelectorAll(".choice label")].flatMap((label) =>
+  [...label.childNodes].filter((node) => node.nodeType === 3).flatMap((node) =>
+    [...node.data.matchAll(/\\S+/g)].filter((word) => {
+      const range = document.createRange();
+      range.setStart(node, word.index);
+      range.setEnd(node, word.index + word[0].length);
+      return range.getClientRects().length > 1;
+    }).map((word) => word[0])))"""
+
+
+@pytest.mark.parametrize("language", ["en", "es"])
+@pytest.mark.parametrize("width", [390, 820, 1280, 1366])
+def test_words_of_seven_points_of_agreement_are_not_broken(respondent, width, language):
+    words = ready_points("agreement_7", [language])
+    points = [{**one, "label": {"en": one["label"][language]}} for one in words]
+    asked = item("grid", "g", rows=rows("g1", "g2"), scale="agreement", prefer_not=True)
+    items = [asked, item("likert", "l", scale="agreement")]
+    document = defined(items, scales={"agreement": points})
+    page = respondent(store(document, NOW), {"width": width, "height": 900})
+    keep(page, f"agreement-7-{language}-{width}", whole=True)
+    assert page.locator(".choice label").count() >= 21
+    assert page.evaluate(BROKEN_WORDS) == []
+    assert page.evaluate("document.documentElement.scrollWidth - innerWidth") <= 0
 
 
 def stored(page) -> dict:

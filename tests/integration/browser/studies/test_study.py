@@ -151,7 +151,7 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(
     slug = publish(site, condition, short=short)
     nora = visitor(**SIZES[size])
     page, name = nora.page, slug.replace("-", "")
-    page.goto(f"/studies/{slug}/?PROLIFIC_PID=5f3a")
+    page.goto(f"/studies/{slug}/?source=5f3a")
     come_and_agree(page, name)
     assert answer_all(page) > 5
     read_instructions(page)
@@ -172,7 +172,7 @@ def test_a_newcomer_goes_from_the_link_to_the_thanks_and_comes_again(
         " = ?)"
     )
     rows = site.rows(f"SELECT status, completion, completion_code, recruitment, visit {mine}", name)
-    assert rows == [("finished", "done", code, json.dumps({"PROLIFIC_PID": "5f3a"}), 1)]
+    assert rows == [("finished", "done", code, json.dumps({"source": "5f3a"}), 1)]
     assert [row[3] for row in site.sessions() if row[1] == name] == ["completed"]
     checkpoints = (
         "SELECT count(*) FROM experiments_taskevent e JOIN experiments_drive d ON d.id = e.drive_id"

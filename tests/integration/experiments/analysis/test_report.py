@@ -12,13 +12,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.folder import write
-from experiments.analysis.dataset.records import Dataset
 from experiments.analysis.figures.drawing import as_svg
 from experiments.analysis.figures.floor import thinned
 from experiments.analysis.figures.trajectories import figure_6
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import analyse, reports
+from experiments.dataset.folder import write
+from experiments.dataset.records import Dataset
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 from tests.support.paths import ROOT
@@ -27,7 +27,7 @@ STUDY = shipped()["exploration"]
 ELSEWHERE = """
 import sys
 from pathlib import Path
-from experiments.analysis.dataset.folder import read
+from experiments.dataset.folder import read
 from experiments.analysis.report import analyse
 analyse(read(Path(sys.argv[1])), Path(sys.argv[2]))
 """
@@ -79,7 +79,7 @@ def test_an_exported_dataset_alone_gives_the_same_bytes_in_another_process(tmp_p
         env=environment,
     )
     first, second = contents(folder / "report"), contents(tmp_path / "again")
-    assert any(name.startswith("without-excluded/figures/") for name in first)
+    assert any(name.startswith("all/figures/") for name in first)
     assert sorted(first) == sorted(second)
     assert [name for name in first if first[name] != second[name]] == []
 
@@ -96,7 +96,7 @@ def test_the_sums_are_those_of_every_file(written):
 
 def test_tables_are_made_with_and_without_excluded_sessions():
     dataset = one_excluded()
-    every, without = reports(dataset)
+    without, every = reports(dataset)
     assert len(every.measured) == len(without.measured) + 1
     assert dataset.sessions[0].id not in {one.session.id for one in without.measured}
 
@@ -105,15 +105,15 @@ def test_every_set_of_sessions_behind_a_number_is_known_and_every_part_of_a_figu
     written,
 ):
     dataset, folder = written
-    found = json.loads((folder / "report" / "all" / "sources.json").read_text())
+    found = json.loads((folder / "report" / "counting" / "sources.json").read_text())
     known = {one.id for one in dataset.sessions}
     assert all(set(ids) <= known for ids in found["sets"])
     assert any(place is not None for row in found["tables"]["table-5"] for place in row)
     for name, parts in found["figures"].items():
-        svg = (folder / "report" / "all" / "figures" / f"{name}.svg").read_text()
+        svg = (folder / "report" / "counting" / "figures" / f"{name}.svg").read_text()
         assert all(f'id="{gid}"' in svg for gid in parts), name
     assert len(found["figures"]["figure-7"]) == sum(
-        bool(len(one.way)) for one in measure_all(dataset)
+        bool(len(one.positions)) for one in measure_all(dataset)
     )
 
 

@@ -5,7 +5,7 @@ from django.test import Client
 from django.urls import reverse
 
 from experiments.bots.answers import fill
-from experiments.bots.page import read
+from experiments.bots.page import HtmlPage
 from experiments.bots.persona import Persona
 from surveys import questionnaires, responses
 from surveys.models import Response
@@ -41,7 +41,7 @@ def go_through(client: Client, response: Response, persona: Persona) -> int:
     address, pages = reverse("survey", args=[response.pk]), 0
     while True:
         answer = client.get(address, follow=True)
-        form = read(answer.content.decode()).form("survey")
+        form = HtmlPage(answer.content.decode()).form("survey")
         if form is None:
             return pages
         pages += 1
@@ -51,7 +51,7 @@ def go_through(client: Client, response: Response, persona: Persona) -> int:
         for name, value in [*form.hidden, *fill(form, persona, {}, NOW)]:
             sent.setdefault(name, []).append(value)
         after = client.post(here, sent)
-        assert after.status_code == 302, read(after.content.decode()).errors
+        assert after.status_code == 302, HtmlPage(after.content.decode()).errors
         address = after.url
 
 
@@ -73,12 +73,12 @@ def test_a_bot_answers_every_kind_of_question_to_the_end(definition, number):
     assert response.finished_at is not None
 
 
-def test_a_bot_gives_its_age_and_ticks_what_has_to_be_agreed_to():
-    form = read(
+def test_bot_gives_its_age_and_ticks_a_required_box():
+    form = HtmlPage(
         '<main><form method="post"><label for="a">Your age in years</label><input type="number"'
         ' id="a" name="age" min="1" max="120"><label for="g">Guardian</label><input type="text"'
         ' id="g" name="guardian"><input type="checkbox" name="agree" id="c"></form></main>'
-    ).main_forms()[0]
+    ).forms[0]
     persona = Persona(1, 1)
     now = datetime.datetime(2026, 3, 1, tzinfo=datetime.UTC)
     assert fill(form, persona, {}, now) == [

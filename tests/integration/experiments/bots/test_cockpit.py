@@ -5,11 +5,9 @@ import pytest
 from experiments.bots.browser import Browser
 from experiments.bots.cockpit import BEAT, Cockpit
 from experiments.bots.drive import BotDrive
-from experiments.bots.driver import Driver, Guide
+from experiments.bots.driver import STAND, Driver, Guide, SpeedSetting
 from experiments.bots.endings import Ending
 from experiments.bots.persona import Persona
-from experiments.bots.socket import SocketClosed
-from experiments.bots.steering import STAND, SpeedSetting
 from experiments.bots.view import AT_CENTRE
 from robots.api.messages import Heartbeat
 from robots.world.sites import load_site
@@ -26,7 +24,7 @@ async def at_the_wheel(server):
     return cockpit
 
 
-async def test_a_bot_that_drives_beats_asks_for_pictures_and_tells_of_the_first_one():
+async def test_driving_bot_sends_heartbeats_image_requests_and_the_first_frame_event():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         await server.until(
@@ -45,7 +43,7 @@ async def test_a_bot_that_drives_beats_asks_for_pictures_and_tells_of_the_first_
         await cockpit.close()
 
 
-async def test_it_sends_velocities_while_it_holds_the_controller_then_zeros_and_then_nothing():
+async def test_velocities_end_with_three_zeros_when_the_controller_is_released():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         assert server.all("command/velocity") == []
@@ -69,7 +67,7 @@ async def test_it_sends_velocities_while_it_holds_the_controller_then_zeros_and_
         await cockpit.close()
 
 
-async def test_it_echoes_the_robots_heartbeat_and_learns_the_round_trip():
+async def test_heartbeats_are_echoed_and_give_the_round_trip():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         await server.until(lambda: server.all("command/heartbeat"))
@@ -88,7 +86,7 @@ async def test_it_echoes_the_robots_heartbeat_and_learns_the_round_trip():
         await cockpit.close()
 
 
-async def test_a_page_that_lost_its_network_comes_back_as_itself():
+async def test_page_that_lost_its_network_resumes_its_session():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         await cockpit.lose_network()
@@ -99,7 +97,7 @@ async def test_a_page_that_lost_its_network_comes_back_as_itself():
         await cockpit.close()
 
 
-async def test_a_connection_that_the_server_ends_is_told_with_its_code():
+async def test_close_code_of_the_server_is_kept():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         await server.socket.close(protocol.REPLACED)
@@ -108,7 +106,7 @@ async def test_a_connection_that_the_server_ends_is_told_with_its_code():
         await cockpit.close()
 
 
-async def test_nonsense_from_the_server_is_left_alone():
+async def test_invalid_frames_from_the_server_are_ignored():
     async with RobotSocket() as server:
         cockpit = await at_the_wheel(server)
         for frame in ("state\n{}", "nothing", "what\n{}", b"picture\nshort", "session/task\n[]"):
@@ -120,7 +118,7 @@ async def test_nonsense_from_the_server_is_left_alone():
         await cockpit.close()
 
 
-async def test_who_leaves_the_queue_says_so_and_has_not_driven(monkeypatch):
+async def test_bot_that_leaves_the_queue_sends_a_leave_and_no_velocity(monkeypatch):
     async with RobotSocket(queued=True) as server:
         drive = BotDrive(
             Browser(server.url),
@@ -156,7 +154,7 @@ async def under_way(drive):
     return drive
 
 
-async def test_who_gets_no_connection_says_nothing_that_would_make_one():
+async def test_a_bot_without_a_connection_sends_no_heartbeat_and_no_image_request():
     async with RobotSocket() as server:
         drive = about_to(server, Ending.GETS_NO_CONNECTION)
         await drive.cockpit.connect()
@@ -168,28 +166,28 @@ async def test_who_gets_no_connection_says_nothing_that_would_make_one():
 
 
 @pytest.mark.parametrize("ending", [Ending.RELOADS_PAGE, Ending.OPENS_SECOND_PAGE])
-async def test_another_page_takes_the_visit_over_and_knows_nothing_else(ending):
+async def test_another_page_takes_over_the_session_by_its_id_alone(ending):
     async with RobotSocket() as server:
         drive = await under_way(about_to(server, ending))
         first = drive.cockpit
-        assert not await drive._ends_its_own_way()
+        assert not await drive._act_out_ending()
         assert server.connections == 2
         assert server.all("session/take")[-1] == {"session": "s1", "takeover": True}
         assert drive.cockpit is not first
         assert drive.view.granted
         drive.view.task = MIDWAY
-        assert not await drive._ends_its_own_way(), "it happens once"
+        assert not await drive._act_out_ending(), "it happens once"
         assert server.connections == 2
         await drive.cockpit.close()
 
 
-async def test_who_presses_stop_lets_go_and_the_stop_kills_all_velocities_before_it(monkeypatch):
+async def test_a_bot_that_presses_stop_sends_no_velocity_after_it(monkeypatch):
     monkeypatch.setattr("experiments.bots.drive.SURPRISE", 0.3)
     async with RobotSocket() as server:
         drive = await under_way(about_to(server, Ending.PRESSES_STOP))
         drive.cockpit.steer(SpeedSetting(0.4, 0.0))
         await server.until(lambda: len(server.all("command/velocity")) >= 2)
-        assert not await drive._ends_its_own_way()
+        assert not await drive._act_out_ending()
         (stop,) = server.all("command/action")
         assert stop["type"] == "stop"
         assert all(
@@ -200,7 +198,7 @@ async def test_who_presses_stop_lets_go_and_the_stop_kills_all_velocities_before
         await drive.cockpit.close()
 
 
-async def test_who_wants_another_photo_keeps_the_second_one():
+async def test_a_bot_that_retakes_a_photo_keeps_the_second_one():
     async with RobotSocket() as server:
         drive = await under_way(about_to(server, Ending.TAKES_PHOTO_AGAIN))
         driver = Driver(load_site("office").plan, Guide(AT_CENTRE, {}), STAND)
@@ -223,7 +221,7 @@ async def test_who_wants_another_photo_keeps_the_second_one():
         await drive.cockpit.close()
 
 
-async def test_a_site_that_is_not_there_is_told():
+async def test_unreachable_site_raises_oserror():
     cockpit = Cockpit(Browser("http://127.0.0.1:9"), "/ws/robots/giraff/", "keyboard")
-    with pytest.raises((OSError, SocketClosed)):
+    with pytest.raises(OSError):
         await cockpit.connect()

@@ -1,4 +1,4 @@
-"""Who of a crowd tells how late the computer is: those who drive, and nobody who is away."""
+"""The bots whose round trips show how late the computer is: those that drive and are connected."""
 
 import time
 from types import SimpleNamespace
@@ -14,17 +14,17 @@ LATER = 1000.0  # seconds
 
 
 class Driving:
-    """What a crowd looks at of somebody."""
+    """The part of a participant that a group reads."""
 
     def __init__(self, cockpit: Cockpit) -> None:
         self.drive = SimpleNamespace(cockpit=cockpit, view=cockpit.view)
 
 
-async def test_whoever_lost_the_network_or_closed_the_page_holds_nobody_up():
+async def test_bots_without_a_connection_do_not_slow_the_others_down():
     async with RobotSocket() as server:
         cockpit = Cockpit(Browser(server.url), "/ws/robots/giraff/", "keyboard")
         crowd = BotGroup(Plan("", [], [], seed=1), clock=lambda: time.time() + LATER)
-        crowd._living = {Driving(cockpit)}
+        crowd._active = {Driving(cockpit)}
         await cockpit.connect()
         cockpit.take()
         await server.until(lambda: server.all("command/heartbeat"))
@@ -39,7 +39,7 @@ async def test_whoever_lost_the_network_or_closed_the_page_holds_nobody_up():
             ),
         )
         assert await cockpit.until(lambda: cockpit.view.round_trip is not None, patient(5.0))
-        # a robot that has long said nothing to somebody who listens
+        # a robot whose heartbeat is long overdue at a connected bot
         assert crowd._round_trips()[0] > 0.9 * LATER
         await cockpit.lose_network()
         assert crowd._round_trips() == []

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import pytest
 
-from experiments.bots.pace import LATE, PROMPT, SLOWEST, Governor, Pace
+from experiments.bots.pace import LATE, OLD, PROMPT, SLOWEST, Governor, Pace
 
 RATE = 20.0
 # Waits of every kind, and what each took by the process's own clock; `real` is the computer's,
@@ -53,7 +53,7 @@ def started(pace, code):
     )
 
 
-def test_every_wait_takes_its_time_by_the_quick_clock_and_a_fraction_of_it_in_truth(tmp_path):
+def test_waits_last_as_long_by_the_quick_clock_and_a_fraction_in_real_time(tmp_path):
     pace = Pace(tmp_path / "pace")
     pace.set(RATE)
     output, _ = started(pace, WAITS).communicate(timeout=60)
@@ -62,7 +62,7 @@ def test_every_wait_takes_its_time_by_the_quick_clock_and_a_fraction_of_it_in_tr
         assert 0.98 * RATE * least <= quick <= 1.02 * RATE * most, name
 
 
-def test_all_processes_agree_what_time_it_is_and_django_with_them(tmp_path):
+def test_all_processes_and_django_agree_on_the_time(tmp_path):
     pace = Pace(tmp_path / "pace")
     pace.set(RATE)
     # from outside inwards, for the reason above
@@ -111,7 +111,7 @@ def started_clocks(pace, real):
     return clocks
 
 
-def test_this_process_and_others_without_a_pace_go_on_as_ever():
+def test_clocks_of_processes_without_a_pace_are_unchanged():
     assert time.monotonic.__name__ == "monotonic"
     assert (
         "sitecustomize" not in sys.modules
@@ -119,7 +119,7 @@ def test_this_process_and_others_without_a_pace_go_on_as_ever():
     )
 
 
-def test_time_goes_slower_while_answers_are_late_and_never_faster_than_asked_for():
+def test_late_round_trips_slow_time_down_and_the_requested_pace_is_the_limit():
     governor = Governor(most=8.0)
     for _ in range(200):
         governor.decide([PROMPT / 2])
@@ -130,7 +130,7 @@ def test_time_goes_slower_while_answers_are_late_and_never_faster_than_asked_for
     assert governor.rate == SLOWEST < 1.0
 
 
-def test_while_nobody_drives_time_goes_as_it_did_for_the_last_who_drove():
+def test_without_drives_the_pace_of_the_last_drive_is_kept():
     governor = Governor(most=8.0)
     for _ in range(10):
         governor.decide([PROMPT / 2])
@@ -140,14 +140,25 @@ def test_while_nobody_drives_time_goes_as_it_did_for_the_last_who_drove():
     assert 1.0 < governor.rate == reached
 
 
-def test_while_nobody_drives_time_comes_back_to_real_time_and_goes_no_faster():
+def test_without_drives_a_slow_pace_rises_to_real_time_at_most():
     governor = Governor(most=8.0, rate=SLOWEST)
     for _ in range(200):
         governor.decide([], lag=PROMPT / 2)
     assert governor.rate == 1.0
 
 
-def test_time_goes_slower_also_when_whoever_plays_the_bots_is_late():
+def test_lag_of_the_bots_own_process_slows_time_down():
     governor = Governor(most=8.0, rate=4.0)
     assert governor.decide([PROMPT / 2], lag=LATE * 2) < 4.0
     assert governor.decide([], lag=LATE * 2) < 3.5
+
+
+def test_old_images_slow_time_down_to_real_time_at_most():
+    governor = Governor(most=8.0, rate=5.8)
+    assert governor.decide([PROMPT / 2], ages=[0.40, OLD + 0.02]) < 5.8
+    for _ in range(200):
+        governor.decide([PROMPT / 2], ages=[2.0 * OLD])
+    assert governor.rate == 1.0
+    assert governor.decide([PROMPT / 2], ages=[0.40]) > 1.0
+    governor.rate = SLOWEST
+    assert governor.decide([PROMPT / 2], ages=[2.0 * OLD]) > SLOWEST

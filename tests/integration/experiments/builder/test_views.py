@@ -4,12 +4,14 @@ import math
 
 import msgspec
 import pytest
+from django.core.files.uploadedfile import SimpleUploadedFile
 from django.urls import reverse
 
 from experiments import publishing
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.models import ParticipantKind, Study
+from robots.models import FloorPlan, Robot
 from surveys import questionnaires
 from surveys.document_forms.problem_text import sentences
 from surveys.models import Questionnaire
@@ -25,8 +27,8 @@ from tests.support.studies.wizard_study import WIZARD, wizard_document
 
 pytestmark = pytest.mark.django_db
 SECTIONS = (
-    *("about", "steps", "factors", "conditions", "courses", "analyses", "plan", "rules"),
-    *("wizard", "coding"),
+    *("about", "recruitment", "design", "steps", "conditions", "courses", "analyses", "plan"),
+    *("rules", "wizard", "coding"),
 )
 
 
@@ -102,19 +104,166 @@ def test_a_whole_study_is_built_without_json_until_nothing_stands_in_the_way(cli
     )
 
 
-def test_the_design_is_chosen_once_with_the_factors_where_there_are_any(client, study):
-    rules = section(study, "rules")
-    assert "allocation.design" in form_of(client.get(rules))
-    client.post(section(study, "factors"), {"do": "add:", "sha256": study.sha256})
-    assert "allocation.design" not in form_of(client.get(rules))
-    send(client, section(study, "factors", 0), design="within")
-    assert stored().allocation.design == "within"
-    page = read(client.get(rules))
-    assert "Design: within participants: all conditions. It follows from the factors." in page.text
-    send(client, rules, allocation__quota="5")
+def designed(client, row: Study, *kinds: str) -> str:
+    """Add factors on the page of the design, and return its address."""
+    page = section(row, "design")
+    for kind in kinds:
+        assert send(client, page, f"add:factors:{kind}").status_code == 302
+    return page
+
+
+def test_design_page_makes_the_conditions_of_two_factors(client, boss):
+    cabin_with_giraff()
+    study = publishing.begin_empty("mine", "My study", ["en"], NOW)
+    page = designed(client, study, "video_delay", "assist")
+    sent = {
+        "factors__0__design": "within",
+        "factors__0__levels__0__sets__video_delay": "0",
+        "factors__0__levels__1__sets__video_delay": "0.3",
+        "factors__1__design": "within",
+        "factors__1__levels__0__title__en": "None",
+        "factors__1__levels__0__sets__assist": "off",
+        "factors__1__levels__1__title__en": "Long",
+        "factors__1__levels__1__sets__assist": "steer",
+    }
+    assert send(client, page, **sent).status_code == 302
+    found = stored()
+    assert [one.key for one in found.factors] == ["delay", "assist"]
+    assert [level.title["en"] for level in found.factors[0].levels] == ["0 ms", "300 ms"]
+    assert [level.key for level in found.factors[1].levels] == ["off", "steer"]
+    assert [one.title["en"] for one in found.conditions] == [
+        *("0 ms, None", "0 ms, Long", "300 ms, None", "300 ms, Long")
+    ]
+    late = found.condition("delay_300_ms_steer")
+    assert (late.network.video.delay, late.assist) == (0.3, "steer")
+    assert found.condition("delay_0_ms_off").network.video is None
+    assert found.allocation.design == "within"
+    repeated = [step.kind for step in found.steps if step.repeat]
+    assert repeated == ["task", "questionnaire"]
+    assert [(one.robot, one.site) for one in found.courses] == [("giraff", "cabin")]
+    text = read(client.get(page)).text
+    assert "4 conditions · each participant does 4 · 4 orders of conditions" in text
+    listed = read(client.get(section(study, "conditions"))).text
+    assert "300 ms, Long" in listed
+    assert "delay of the video: 300 ms" in listed
+
+
+def test_renaming_a_level_renames_it_wherever_it_is_used(client, study):
+    page = designed(client, study, "assist")
+    add_to(client, study, "analyses")
+    analysis = section(study, "analyses", 0)
+    send(client, page, factors__0__design="within")
+    send(client, analysis, test="mixed", measures=["task_time"], effects=["assist"])
+    conditions = [one.key for one in stored().conditions]
+    send(client, page, factors__0__key="help", factors__0__levels__1__key="much")
+    found = stored()
+    assert [one.levels["help"] for one in found.conditions][1] == "much"
+    assert found.analyses[0].effects == ("help",)
+    assert found.conditions[0].key == conditions[0]
+    assert not [text for text in wrong() if "there is no" in text]
+
+
+def test_conditions_keep_what_was_written_when_a_factor_is_added(client, study):
+    designed(client, study, "assist")
+    send(client, section(study, "conditions", 0), title__en="Mine", idle_seconds="60")
+    send(client, section(study, "design"), "add:factors:interface")
+    found = stored().conditions
+    assert len(found) == 4
+    assert {one.title["en"] for one in found} >= {"Mine"}
+    assert all(one.idle_seconds == 60.0 for one in found[:2])
+
+
+def test_settings_that_conditions_share_are_changed_for_all_at_once(client, study):
+    page = designed(client, study, "assist")
+    send(client, page, shared__controllers=["gamepad"])
+    assert {one.controllers for one in stored().conditions} == {("gamepad",)}
+    assert "shared.assist" not in form_of(client.get(page))
+
+
+def test_settings_of_a_level_are_fixed_on_the_page_of_a_condition(client, study):
+    page = designed(client, study, "assist")
+    send(client, page, factors__0__levels__1__sets__assist="steer")
+    condition = section(study, "conditions", 1)
+    assert "Set by the level" in read(client.get(condition)).text
+    assert send(client, condition, title__en="Assisted").status_code == 302
+    assert stored().conditions[1].assist == "steer"
+
+
+def test_design_without_factors_is_chosen_with_the_assignment(client, study):
+    page = section(study, "design")
+    assert "allocation.design" in form_of(client.get(page))
+    send(client, page, allocation__design="within", allocation__quota="5")
     assert (stored().allocation.design, stored().allocation.quota) == ("within", 5)
-    send(client, section(study, "factors", 0), design="between")
-    assert stored().allocation.design == "between"
+    assert stored().task.repeat
+    designed(client, study, "assist")
+    assert "allocation.design" not in form_of(client.get(page))
+
+
+def test_questionnaire_asked_once_in_a_within_study_must_be_confirmed(client, study):
+    send(client, section(study, "design"), allocation__design="within")
+    asked = section(study, "steps", 1)
+    form = form_of(client.get(asked))
+    del form["repeat"]
+    client.post(asked, dict(form.lists()) | {"do": "save"})
+    publish = reverse("admin:experiments_study_publish", args=[study.pk])
+    reason = {"reason": "A pilot has shown that it works."}
+    refused = client.post(publish, reason)
+    assert "answer this questionnaire only once" in read(refused).text
+    assert Study.objects.get().status == Study.Status.DRAFT
+    client.post(publish, reason | {"confirmed": "on"})
+    assert Study.objects.get().status == Study.Status.PUBLISHED
+
+
+def test_assignment_is_balanced_by_factors_that_are_known_before_the_first_drive(client, study):
+    design = section(study, "design")
+    send(client, design, "add:allocation.balance", allocation__best_probability="0.9")
+    send(
+        client,
+        design,
+        allocation__balance__0__item="age",
+        allocation__balance__0__limits="30, 50",
+        allocation__balancing="strata",
+    )
+    allocation = stored().allocation
+    assert (allocation.best_probability, allocation.balancing) == (0.9, "strata")
+    assert [(one.item, one.limits) for one in allocation.balance] == [("age", (30.0, 50.0))]
+    assert form_of(client.get(design))["allocation.balance.0.limits"] == "30, 50"
+    assert any("the consent does not ask the age" in one for one in wrong())
+    send(client, design, allocation__balance__0__item="experience.q1")
+    assert any("not asked before the first drive" in one for one in wrong())
+
+
+def test_recruitment_screening_and_appointments_are_built_without_json(client, study):
+    page = section(study, "recruitment")
+    send(client, page, "add:screening")
+    send(client, page, "add:answer_quotas")
+    filled = {
+        "recruiting__on": "on",
+        "recruiting__site": "prolific",
+        "recruiting__codes__done": "C1ABC",
+        "devices": ["computer"],
+        "screening__0__questionnaire": "ict",
+        "screening__0__item": "gender",
+        "screening__0__answers": "woman, man",
+        "answer_quotas__0__questionnaire": "ict",
+        "answer_quotas__0__item": "gender",
+        "answer_quotas__0__answers": "man",
+        "answer_quotas__0__most": "12",
+        "appointments__on": "on",
+        "appointments__minutes": "45",
+    }
+    assert send(client, page, **filled).status_code == 302
+    made = stored()
+    assert made.recruiting is not None
+    assert (made.recruiting.site, made.recruiting.codes.done) == ("prolific", "C1ABC")
+    assert made.devices == ("computer",)
+    assert made.screening[0].answers == ("woman", "man")
+    assert (made.answer_quotas[0].answers, made.answer_quotas[0].most) == (("man",), 12)
+    assert made.appointments is not None
+    assert made.appointments.minutes == 45
+    assert "Who returns there" in read(client.get(page)).text
+    send(client, page, "remove:screening:0")
+    assert stored().screening == ()
 
 
 def test_a_speed_above_the_robots_own_is_not_saved_and_the_field_says_what_it_reaches(
@@ -171,35 +320,10 @@ def test_a_page_of_the_instructions_is_given_to_some_conditions_by_ticking_them(
     assert "participants are assigned to their condition when" in read(client.get(address)).text
 
 
-def test_factors_are_built_without_json_and_each_condition_is_a_cell_of_them(client, study):
-    add = {"do": "add:", "sha256": study.sha256}
-    answer = client.post(section(study, "factors"), add)
-    assert answer.headers["Location"] == section(study, "factors", 0)
-    names = {"key": "doors", "title__en": "Doors"}
-    for n, level in enumerate(("open", "closed")):
-        names |= {f"levels__{n}__key": level, f"levels__{n}__title__en": level.title()}
-    send(client, section(study, "factors", 0), **names)
-    (factor,) = stored().factors
-    assert (factor.key, [level.key for level in factor.levels]) == ("doors", ["open", "closed"])
-    assert wrong()[:2] == [
-        "Condition all_open: choose its level of the factor doors.",
-        "Condition shut: choose its level of the factor doors.",
-    ]
-    for n, level in enumerate(("open", "closed")):
-        page = section(study, "conditions", n)
-        assert send(client, page, levels__doors=level).status_code == 302
-    assert [one.levels for one in stored().conditions] == [{"doors": "open"}, {"doors": "closed"}]
-    assert wrong() == []
-    send(client, section(study, "factors", 0), "add:levels")
-    assert len(stored().factors[0].levels) == 3
-    listed = read(client.get(section(study, "factors"))).text
-    assert "between participants" in listed
-
-
 def test_an_analysis_is_declared_without_json(client, study):
     client.post(section(study, "analyses"), {"do": "add:", "sha256": study.sha256})
     page = section(study, "analyses", 0)
-    send(client, page, key="doors", title__en="Doors", measures="task_time, experience.q1")
+    send(client, page, key="doors", title__en="Doors", measures=["task_time", "experience.q1"])
     send(client, page, "add:contrasts")
     sides = {"contrasts__0__first": ["shut"], "contrasts__0__second": ["all_open"]}
     send(client, page, contrasts__0__title__en="Shut", test="ranks", **sides)
@@ -208,19 +332,23 @@ def test_an_analysis_is_declared_without_json(client, study):
     assert analysis.measures == ("task_time", "experience.q1")
     assert (analysis.contrasts[0].first, analysis.contrasts[0].second) == (("shut",), ("all_open",))
     assert wrong() == []
-    send(client, page, measures="task_tim")
-    assert wrong() == ["Analysis doors: there is no metric task_tim."]
+    send(client, page, measures=["task_tim", "experience.q99"])
+    assert wrong() == [
+        "Analysis doors: there is no metric task_tim.",
+        "Analysis doors: the questionnaire has no item, topic or score experience.q99.",
+    ]
 
 
 def test_a_plan_is_declared_without_json(client, study):
     client.post(section(study, "analyses"), {"do": "add:", "sha256": study.sha256})
-    send(client, section(study, "analyses", 0), key="doors", title__en="Doors", measures="stops")
+    send(client, section(study, "analyses", 0), key="doors", title__en="Doors", measures=["stops"])
     page = section(study, "plan")
     send(client, page)
     assert stored().plan is None
     send(client, page, "add:hypotheses")
     assert "Plan: hypothesis h1: it has no text." in wrong()
-    send(client, page, hypotheses__0__text="More stops.", hypotheses__0__analysis="doors")
+    send(client, page, hypotheses__0__direction="different:doors::")
+    assert stored().plan.hypotheses[0].text == "Stops – it differs between the conditions."
     send(client, page, "add:attention_checks")
     check = {"questionnaire": "experience", "item": "q9", "answer": "7"}
     send(client, page, **{f"attention_checks__0__{key}": value for key, value in check.items()})
@@ -247,8 +375,8 @@ def test_a_script_is_written_without_json(client, study):
         send(client, page, f"add:steps:{kind}")
     assert send(client, page, "add:steps:fly").status_code == 302
     names = {f"steps__{n}__title__en": f"Step {n}" for n in range(7)}
-    said = {"steps__0__line__en": "Hello, I am here.", "steps__0__shortcut": "1"}
-    send(client, page, title__en="Welcome", steps__4__move__angle="17", **names, **said)
+    words = {"steps__0__line__en": "Hello, I am here.", "steps__0__shortcut": "1"}
+    send(client, page, title__en="Welcome", steps__4__move__angle="17", **names, **words)
     (stage,) = stored().wizard.stages
     assert len({step.key for step in stage.steps}) == 7
     assert (stage.steps[0].line, stage.steps[0].move) == ({"en": "Hello, I am here."}, None)
@@ -303,7 +431,8 @@ def test_a_text_of_a_script_that_is_missing_leads_to_its_stage(client, study):
 def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     row = publishing.store(shipped()[slug], NOW)
     definition = row.as_definition()
-    addresses = [section(row, "about"), section(row, "rules")]
+    whole = ("about", "recruitment", "design", "rules", "plan")
+    addresses = [section(row, name) for name in whole]
     addresses += [
         section(row, name, n)
         for name in ("steps", "conditions", "courses", "analyses")
@@ -315,7 +444,7 @@ def test_saving_every_page_as_it_is_changes_nothing(client, boss, slug):
     assert stored() == definition
 
 
-def test_what_cannot_be_kept_is_told_beside_its_field_and_nothing_is_lost(client, study):
+def test_invalid_input_is_an_error_of_its_field_and_no_input_is_lost(client, study):
     answer = send(client, section(study, "steps", 0), minutes="soon", title__en="Drive round")
     assert answer.status_code == 422
     page = read(answer)
@@ -330,33 +459,33 @@ def test_a_half_done_part_is_saved_and_what_is_missing_stands_above_the_form(cli
         send(client, section(study, "conditions", 0), title__en="", controllers=[]).status_code
         == 302
     )
-    told = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
+    found = [e.text for e in read(client.get(section(study, "conditions", 0))).all("li")]
     assert (
         "Condition all_open: there is no controller and no action that sends the robot (places, map"
-        " or follow): nobody could drive." in told
+        " or follow): nobody could drive." in found
     )
-    assert "all_open · Title (English) is missing." in told
+    assert "all_open · Title (English) is missing." in found
 
 
 def test_a_missing_text_is_told_once_for_all_languages_and_by_the_names_of_the_page(client, boss):
     row = publishing.begin_empty("mine", "My study", ["en", "es"], NOW)
-    told = [e.text for e in read(client.get(section(row, "steps"))).all("li")]
-    assert told.count("Thanks · Text (English, Spanish) is missing.") == 1
-    assert not [text for text in told if "has no text in" in text]
+    found = [e.text for e in read(client.get(section(row, "steps"))).all("li")]
+    assert found.count("Thanks · Text (English, Spanish) is missing.") == 1
+    assert not [text for text in found if "has no text in" in text]
     send(client, section(row, "steps", 0), text__en="You will drive.", text__es="")
     page = read(client.get(section(row, "steps", 0)))
     assert page.text.count("is missing") == 1
     assert "Consent · Text (Spanish) is missing." in page.text
     send(client, section(row, "steps", 2), "add:leaves")
-    told = [e.text for e in read(client.get(section(row, "steps", 2))).all("li")]
-    assert "How it works · Page 1 · Text (English, Spanish) is missing." in told
+    found = [e.text for e in read(client.get(section(row, "steps", 2))).all("li")]
+    assert "How it works · Page 1 · Text (English, Spanish) is missing." in found
 
 
-def test_what_is_wrong_is_told_in_the_language_of_the_page(client, boss):
+def test_problems_are_in_the_language_of_the_page(client, boss):
     row = publishing.store(small_study(), NOW)
     page = read(client.get(section(row, "courses", 0), headers={"Accept-Language": "es"}))
-    told = [e.text for e in page.all("li")]
-    assert "Recorrido por el plano de giraff en cabin: no existe el lugar cabin." in told
+    found = [e.text for e in page.all("li")]
+    assert "Recorrido por el plano de giraff en cabin: no existe el lugar cabin." in found
 
 
 def test_languages_are_chosen_by_their_names(client, study):
@@ -384,7 +513,7 @@ def test_parts_are_added_copied_moved_and_removed(client, study):
             section(study, "conditions"), {"do": do, "sha256": Study.objects.get().sha256}
         )
 
-    press("copy:0")
+    assert press("copy:0").headers["Location"] == section(study, "conditions", 1)
     assert [one.key for one in stored().conditions] == ["all_open", "all_open_2", "shut"]
     press("down:0")
     assert [one.key for one in stored().conditions] == ["all_open_2", "all_open", "shut"]
@@ -404,17 +533,57 @@ def test_parts_are_added_copied_moved_and_removed(client, study):
     assert [one.key for one in stored().conditions] == ["shut", "all_open"]
 
 
+@pytest.mark.parametrize("page", ["about", "rules", "plan"])
+def test_a_list_of_another_page_is_not_changed_by_a_hand_made_button(client, study, page):
+    before = stored()
+    for name in ("steps", "factors", "conditions"):
+        assert send(client, section(study, page), f"add:{name}").status_code == 302
+    assert stored() == before
+
+
 @pytest.mark.parametrize(
-    "kind", ["consent", "form", "instructions", "practice", "task", "questionnaire", "debrief"]
+    "kind", ["consent", "form", "instructions", "practice", "questionnaire", "debrief"]
 )
 def test_a_step_of_every_kind_is_added_and_shown(client, study, kind):
     answer = client.post(
         section(study, "steps"), {"do": f"add:{kind}", "sha256": study.sha256}, follow=True
     )
     assert answer.status_code == 200
-    added = stored().steps[-1]
-    assert added.__struct_config__.tag == kind
-    assert added.key not in {"task", "experience"}
+    added = [one for one in stored().steps if one.key not in {"task", "experience"}]
+    assert [one.kind for one in added] == [kind]
+
+
+def test_new_steps_are_placed_where_they_belong_and_offered_only_if_allowed(client, study):
+    for kind in ("debrief", "consent", "instructions"):
+        add = {"do": f"add:{kind}", "sha256": Study.objects.get().sha256}
+        assert client.post(section(study, "steps"), add).status_code == 302
+    kinds = [one.kind for one in stored().steps]
+    assert kinds == ["consent", "task", "questionnaire", "instructions", "debrief"]
+    buttons = {
+        e.attributes.get("value") for e in read(client.get(section(study, "steps"))).all("button")
+    }
+    assert not {"add:debrief", "add:consent", "add:task"} & buttons
+    assert "add:practice" in buttons
+    add = {"do": "add:task", "sha256": Study.objects.get().sha256}
+    assert client.post(section(study, "steps"), add).status_code == 404
+
+
+def test_own_picture_is_uploaded_for_a_page_of_the_instructions(client, study):
+    add = {"do": "add:instructions", "sha256": study.sha256}
+    address = client.post(section(study, "steps"), add).headers["Location"]
+    send(client, address, "add:leaves", title__en="Read")
+    png = b"\x89PNG\r\n\x1a\n" + bytes(50)
+    send(client, address, leaves__0__picture__file=SimpleUploadedFile("lab.png", png))
+    name = stored().steps[-1].leaves[0].picture
+    answer = client.get(reverse("study_media", args=[name]))
+    assert (answer.content, answer["Content-Type"]) == (png, "image/png")
+    assert "lab.png" in read(client.get(address)).text
+    wrong_type = SimpleUploadedFile("lab.svg", b"<svg/>")
+    refused = send(client, address, leaves__0__picture__file=wrong_type)
+    assert "Choose a PNG" in read(refused).text
+    large = SimpleUploadedFile("large.png", png + bytes(2 * 1024 * 1024))
+    assert "at most 2 MB" in read(send(client, address, leaves__0__picture__file=large)).text
+    assert stored().steps[-1].leaves[0].picture == name
 
 
 def test_leaves_are_moved_with_what_was_typed_in_them(client, study):
@@ -506,7 +675,7 @@ def test_the_course_page_has_the_ground_and_the_way_to_the_check(client, study):
     assert page.all("svg")
 
 
-def test_what_a_course_cannot_reach_is_told_before_it_is_saved(client, study):
+def test_unreachable_checkpoints_are_shown_before_saving(client, study):
     assert check(client, study).json() == {"problems": [], "checkpoints": []}
     wrong = check(client, study, checkpoints__1__x="20").json()
     assert wrong["checkpoints"] == [1]
@@ -528,11 +697,11 @@ def test_a_door_that_is_closed_in_some_condition_is_thought_of(client, study):
         "walls": [*row.plan["walls"], {"start": [4.1, 2.6], "end": [4.1, 3.6], "thickness": 0.2}],
     }
     row.save()
-    told = check(client, study).json()
-    assert told["checkpoints"] == [2]
+    found = check(client, study).json()
+    assert found["checkpoints"] == [2]
     assert (
         "Condition shut: checkpoint 2 cannot be reached from the charging station with door closed."
-        in told["problems"]
+        in found["problems"]
     )
 
 
@@ -556,7 +725,7 @@ def test_a_course_without_a_floor_plan_says_so_and_can_still_be_written(client, 
     assert stored().courses[0].checkpoints[1].x == 2.5
 
 
-def test_nobody_else_may_ask_for_a_check(client, study):
+def test_check_of_a_course_needs_a_role_in_the_study(client, study):
     address = reverse("admin:experiments_study_check", args=[study.pk, "courses", 0])
     assert client.get(address).status_code == 404
     client.force_login(person("eve", is_staff=True))
@@ -574,15 +743,15 @@ def test_every_page_of_the_small_study_is_reached_from_the_others(client, study)
 
 
 def test_a_draft_in_which_somebody_took_part_says_that_it_is_read_as_it_is_now(client, study):
-    said = "Create a new version to keep it separate"
-    assert said not in read(client.get(section(study, "steps"))).text
+    words = "Create a new version to keep it separate"
+    assert words not in read(client.get(section(study, "steps"))).text
     comer(study, person("pilot"), kind=ParticipantKind.PILOT)
-    assert said in read(client.get(section(study, "steps"))).text
+    assert words in read(client.get(section(study, "steps"))).text
     send(client, section(study, "steps", 0), title__en="Drive round")
     assert study.participants.filter(kind=ParticipantKind.PILOT).exists(), "what pilots did is kept"
 
 
-def test_who_writes_a_questionnaire_for_a_step_finds_the_way_back_to_it(client, study):
+def test_questionnaire_editor_links_back_to_the_step(client, study):
     steps = study.as_definition().steps
     n = next(n for n, step in enumerate(steps) if getattr(step, "questionnaire", ""))
     step = section(study, "steps", n)
@@ -604,7 +773,7 @@ def test_who_writes_a_questionnaire_for_a_step_finds_the_way_back_to_it(client, 
     assert ways_back(client.get(about)) == [], "the list led there"
 
 
-def test_what_is_to_do_before_publishing_comes_first_on_the_page_of_a_study(client, boss):
+def test_page_of_a_study_starts_with_tasks_before_publishing(client, boss):
     row = publishing.begin_empty("mine", "My study", ["en"], NOW)
     text = read(client.get(reverse("admin:experiments_study_change", args=[row.pk]))).text
     assert text.index("To do before publishing") < text.index("Link (draft")
@@ -647,7 +816,7 @@ def test_speeds_of_turning_are_shown_in_degrees_and_stay_the_same_number(client,
     assert stored().conditions[0].speed.angular == math.radians(45)
 
 
-def test_what_is_no_angle_is_shown_as_it_was_typed_and_limits_are_in_degrees(client, study):
+def test_invalid_angle_stays_as_typed_and_limits_are_in_degrees(client, study):
     rules = section(study, "rules")
     page = read(send(client, rules, start__heading="fast"))
     assert "This is not a number." in page.text
@@ -660,3 +829,72 @@ def test_what_is_no_angle_is_shown_as_it_was_typed_and_limits_are_in_degrees(cli
     assert (
         "Write a number of at most 183.3." in read(send(client, rules, start__heading="200")).text
     )
+
+
+# --- a whole study --------------------------------------------------------------------------------
+
+
+def test_a_study_is_copied_as_a_new_one(client, study, boss):
+    designed(client, study, "assist")
+    page = reverse("admin:experiments_study_copy", args=[study.pk])
+    taken = client.post(page, {"name": study.slug, "title": "Again"})
+    assert "There is a study cabin-study already." in read(taken).text
+    answer = client.post(page, {"name": "cabin-again", "title": "Again"})
+    copy = Study.objects.get(slug="cabin-again")
+    assert answer.headers["Location"] == reverse("admin:experiments_study_change", args=[copy.pk])
+    original, made = Study.objects.get(slug="cabin-study").as_definition(), copy.as_definition()
+    named = msgspec.structs.replace(original, slug="cabin-again", title={"en": "Again"})
+    assert (made, copy.version, copy.status) == (named, 1, Study.Status.DRAFT)
+    assert not copy.participants.exists()
+
+
+def test_problems_of_the_study_and_of_this_site_are_listed_at_once(client, study):
+    send(client, section(study, "steps", 0), title__en="")
+    send(client, section(study, "courses", 0), checkpoints__1__x="20")
+    text = " ".join(wrong())
+    assert "has no text in en" in text
+    assert "checkpoint 1 is not in a room" in text
+
+
+def test_questionnaire_asked_once_is_no_measure_of_a_within_study(client, study):
+    designed(client, study, "assist")
+    send(client, section(study, "design"), factors__0__design="within")
+    add_to(client, study, "analyses")
+    analysis = section(study, "analyses", 0)
+    send(client, analysis, title__en="Main", measures=["experience.q1"])
+    asked = section(study, "steps", 1)
+    form = form_of(client.get(asked))
+    del form["repeat"]
+    client.post(asked, dict(form.lists()) | {"do": "save"})
+    assert any("experience is asked only once, so it cannot be compared" in one for one in wrong())
+
+
+def test_expectations_are_sentences_about_levels_and_about_contrasts(client, study):
+    designed(client, study, "video_delay")
+    send(client, section(study, "design"), factors__0__levels__1__sets__video_delay="0.3")
+    add_to(client, study, "analyses")
+    analysis = section(study, "analyses", 0)
+    send(client, analysis, "add:contrasts", title__en="Doors", measures=["task_time"])
+    first, second = (one.key for one in stored().conditions)
+    sides = {"contrasts__0__first": [first], "contrasts__0__second": [second]}
+    send(client, analysis, **sides)
+    assert stored().analyses[0].contrasts[0].title == {"en": "Open – Shut"}
+    send(client, section(study, "plan"), "add:hypotheses")
+    page = client.get(section(study, "plan"))
+    offered = [one.text for one in read(page).all("option")]
+    assert "Open – Shut: greater with Open than with Shut" in offered
+    send(client, section(study, "plan"), hypotheses__0__direction="less:analysis:1:")
+    (one,) = stored().plan.hypotheses
+    assert (one.contrast, one.direction) == (1, "less")
+    assert one.text == "Task time (s) – Open – Shut: smaller with Open than with Shut."
+
+
+def test_robot_that_is_at_another_site_is_listed_with_the_page_of_its_condition(client, study):
+    other = FloorPlan.objects.get()
+    other.pk, other.name = None, "barn"
+    other.save()
+    Robot.objects.update(floor_plan=other)
+    page = read(client.get(reverse("admin:experiments_study_change", args=[study.pk])))
+    found = "Condition shut: there is no giraff at the site cabin."
+    (link,) = [a for a in page.all("a") if a.text == found]
+    assert link.attributes["href"] == section(study, "conditions", 1)

@@ -1,4 +1,4 @@
-"""Markers of a study: what is published, what is recorded, and both over real streams of LSL."""
+"""Markers of a study: published, recorded, and both over real streams of LSL."""
 
 import datetime
 import io
@@ -11,10 +11,9 @@ from django.core.management import CommandError, call_command
 from django.utils import timezone
 
 from experiments.coding import store
-from experiments.dataset.pseudonyms import Pseudonyms
+from experiments.extraction.pseudonyms import Pseudonyms
 from experiments.management.commands import stream_markers
-from experiments.markers.incoming import record
-from experiments.markers.marker import ForeignMarker
+from experiments.markers.incoming import ForeignMarker, record
 from experiments.markers.outgoing import MarkerSource
 from experiments.models import Coding, StepVisit
 from sessions.models import SessionEvent
@@ -40,7 +39,7 @@ def began(drive) -> float:
     return drive.granted_at.timestamp()
 
 
-def told(source: MarkerSource) -> list:
+def published(source: MarkerSource) -> list:
     return [(one.marker.source, one.marker.type, one.marker.t) for one in source.new(time.time())]
 
 
@@ -49,15 +48,15 @@ def test_each_event_is_a_marker_once_at_the_time_of_the_replay(drive):
     replays.told(drive.session, 1.0, "driving", source="server")
     replays.told(drive.session, 3.0, "collision", detail="ahead")  # by the robot's clock 5.0
     replays.task_told(drive, 2.0, "checkpoint", number=1)
-    assert told(source) == [
+    assert published(source) == [
         ("server", "driving", 1.0),
         ("task", "checkpoint", 2.0),
         ("robot", "collision", 3.0),
     ]
-    drive.events.all().delete()  # the record is closed, and its task told anew
+    drive.events.all().delete()  # the closed record has its events again
     replays.task_told(drive, 2.0, "checkpoint", number=1)
     replays.told(drive.session, 4.0, "ended", source="server", outcome="completed")
-    assert told(source) == [("server", "ended", 4.0)]
+    assert published(source) == [("server", "ended", 4.0)]
 
 
 def test_a_marker_has_what_a_pseudonymous_dataset_has(drive):
@@ -67,9 +66,9 @@ def test_a_marker_has_what_a_pseudonymous_dataset_has(drive):
     replays.told(drive.session, 3.0, "something new", detail="Ada")
     message, stop = source.new(time.time())
     assert message.at == pytest.approx(began(drive) + 1.0)
-    said = json.loads(message.marker.text())
+    output = json.loads(message.marker.text())
     names = Pseudonyms(drive.participant.study.secret)
-    assert said == {
+    assert output == {
         "type": "operator_message",
         "source": "server",
         "t": 1.0,
@@ -115,7 +114,7 @@ def test_a_foreign_marker_is_recorded_with_the_sessions_that_it_falls_into(drive
     assert MarkerSource("cabin-study", began(drive)).new(now) == []  # not sent back
 
 
-def test_a_study_that_is_not_there_is_named():
+def test_unknown_study_is_named():
     with pytest.raises(CommandError, match="no study nothing"):
         call_command("stream_markers", "nothing")
 
@@ -131,7 +130,7 @@ class Lab:
         from experiments.markers import lsl
 
         self.lsl, self.key = lsl, uuid.uuid4().hex
-        self.said = io.StringIO()
+        self.output = io.StringIO()
         self.ours = lsl.MarkerInlet(f"ours-{self.key}")
         self.theirs = lsl.MarkerOutlet(f"theirs-{self.key}", self.key)
         outlet = lsl.MarkerOutlet(f"ours-{self.key}", f"ours-{self.key}")
@@ -140,7 +139,7 @@ class Lab:
         self.heard: list[ForeignMarker] = []
 
     def say(self, text: str) -> None:
-        self.said.write(text + "\n")
+        self.output.write(text + "\n")
 
     def step(self) -> None:
         self.loop.step(time.time())
@@ -155,13 +154,13 @@ class Lab:
 
 
 @pytest.mark.nightly
-def test_markers_go_both_ways_and_a_lost_stream_is_found_again(drive, monkeypatch):
+def test_markers_are_sent_and_received_and_a_lost_stream_is_found_again(drive, monkeypatch):
     lab = Lab(monkeypatch)
     lab.until(
-        lambda: {"is connected."} <= {line[-13:] for line in lab.said.getvalue().splitlines()},
+        lambda: {"is connected."} <= {line[-13:] for line in lab.output.getvalue().splitlines()},
         "the foreign stream",
     )
-    lab.until(lambda: "A recorder is connected." in lab.said.getvalue(), "a recorder")
+    lab.until(lambda: "A recorder is connected." in lab.output.getvalue(), "a recorder")
     at = time.time() - began(drive)  # however long it took to get here
     replays.told(drive.session, at, "driving", source="server")
     lab.until(lambda: lab.heard, "the marker of the study")
@@ -174,8 +173,8 @@ def test_markers_go_both_ways_and_a_lost_stream_is_found_again(drive, monkeypatc
     assert SessionEvent.objects.get(source="lab").stamp == pytest.approx(sent, abs=0.05)
 
     del lab.theirs
-    lab.until(lambda: "is lost. Looking for it" in lab.said.getvalue(), "the loss")
+    lab.until(lambda: "is lost. Looking for it" in lab.output.getvalue(), "the loss")
     lab.theirs = lab.lsl.MarkerOutlet(f"theirs-{lab.key}", lab.key)
-    lab.until(lambda: "is connected again." in lab.said.getvalue(), "the stream again")
+    lab.until(lambda: "is connected again." in lab.output.getvalue(), "the stream again")
     lab.theirs.push("saccade", time.time())
     lab.until(lambda: SessionEvent.objects.filter(source="lab").count() == 2, "the next marker")

@@ -9,10 +9,10 @@ from django.utils import timezone
 
 from experiments.definition.course import CourseTrack
 from experiments.definition.schema import digest, from_stored
-from experiments.models import Drive, Participant, ParticipantKind, Study, StudyMember
+from experiments.models import Draw, Drive, Participant, ParticipantKind, Study, StudyMember
 from experiments.participation import advance, grants, progress
 from experiments.participation.grants import StudyTerms
-from experiments.participation.layout import track_of
+from experiments.tasks.stored_records import track_of
 from robots.access import may_drive, may_observe
 from robots.models import Robot, RobotPermit, RobotPresence
 from sessions.consumers import queries
@@ -25,6 +25,7 @@ from tests.support.studies.study_site import cabin_with_giraff, robot_at
 from tests.support.studies.task_drives import track
 
 pytestmark = pytest.mark.django_db
+SURE = {"best_probability": 1.0}  # always the cell with the fewest
 
 
 def heard_of() -> None:
@@ -43,7 +44,7 @@ def robot():
 
 @pytest.fixture
 def study(robot):
-    return p.published(small_study())
+    return p.published(small_study(allocation=SURE))
 
 
 def take(robot: Robot, user, **more) -> store.Taken:
@@ -88,15 +89,22 @@ def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, s
         drive.condition,
         [drive.condition],
     )
-    assert set(participant.candidates) == {"all_open", "shut"}
+    draw = participant.draws.get()
+    assert set(draw.best) == {"all_open", "shut"}
+    assert (draw.cell, draw.reason, draw.counts) == (
+        participant.cell,
+        "first",
+        {"all_open": 0, "shut": 0},
+    )
     assert (
         drive.step,
         drive.visit,
         drive.round,
         drive.number,
-        drive.exposed,
+        drive.exposed_at,
+        drive.moved,
         drive.settled_at,
-    ) == ("task", 1, 0, 1, False, None)
+    ) == ("task", 1, 0, 1, None, False, None)
     assert (
         granted.terms
         == terms.of(Session.objects.get())
@@ -117,13 +125,14 @@ def test_the_first_grant_assigns_a_condition_and_fixes_all_that_it_says(robot, s
     )
 
 
-def test_nobody_is_asked_whether_they_are_there_unless_the_condition_says_so(robot, study):
-    standing = grants.standing_of(p.comer(study, person("ada")).user, robot)
-    condition = standing.definition.conditions[0]
+def test_presence_is_asked_only_where_the_condition_says_so(robot, study):
+    pending = grants.pending_drive(p.comer(study, person("ada")).user, robot)
+    condition = pending.definition.conditions[0]
     asked = msgspec.structs.replace(condition, idle_seconds=45.0)
-    assert [
-        grants.terms_of(standing, one, robot, 1).idle_seconds for one in (condition, asked)
-    ] == [0.0, 45.0]
+    assert [grants.terms_of(pending, one, robot, 1).idle_seconds for one in (condition, asked)] == [
+        0.0,
+        45.0,
+    ]
 
 
 def test_a_reload_changes_nothing(robot, study):
@@ -135,11 +144,8 @@ def test_a_reload_changes_nothing(robot, study):
     assert StudyTerms().granted(Session.objects.get(), timezone.now()) == first.terms
     assert Drive.objects.count() == 1
     seen = Participant.objects.get()
-    assert (seen.cell, seen.draw_seed, seen.drawn_as) == (
-        participant.cell,
-        participant.draw_seed,
-        participant.drawn_as,
-    )
+    assert (seen.cell, seen.draws_applied) == (participant.cell, 1)
+    assert Draw.objects.count() == 1
 
 
 def test_cells_fill_evenly_and_every_draw_can_be_repeated(robot, study):
@@ -147,9 +153,8 @@ def test_cells_fill_evenly_and_every_draw_can_be_repeated(robot, study):
         drives(robot, participant)
     counts = Counter(Participant.objects.values_list("cell", flat=True))
     assert sorted(counts.values()) == [4, 5]
-    for participant in Participant.objects.all():
-        assert participant.cell in participant.candidates
-    assert len(set(Participant.objects.values_list("drawn_as", flat=True))) == 9
+    assert all(draw.cell in draw.best for draw in Draw.objects.all())
+    assert list(Draw.objects.values_list("number", flat=True)) == list(range(1, 10))
 
 
 def test_pilots_and_bots_are_assigned_among_themselves(robot, study):
@@ -168,14 +173,14 @@ def test_a_participant_who_comes_back_keeps_the_cell_and_has_another_session(rob
     first = drives(robot, participant)
     Participant.objects.update(stage="filled", status="finished")
     participant.refresh_from_db()
-    assert advance.come_again(participant, timezone.now())
+    assert advance.begin_next_visit(participant, timezone.now())
     Participant.objects.update(step="task")
     second = drives(robot, participant)
     assert (second.condition, second.number, second.visit) == (first.condition, 2, 2)
     assert Participant.objects.get().stage == "filled"
 
 
-def test_somebody_whose_place_was_freed_is_drawn_anew(robot, study):
+def test_a_participant_whose_place_was_freed_is_drawn_again(robot, study):
     ada, ben = comers(study, 2)
     drives(robot, ada)
     Participant.objects.filter(pk=ada.pk).update(stage="freed")
@@ -220,7 +225,7 @@ def test_when_every_place_is_taken_nobody_new_may_ask(robot):
     ada, ben, cem = comers(study, 3)
     drives(robot, ada)
     drives(robot, ben)
-    assert take(robot, cem.user) == store.TakeRefused("full")
+    assert take(robot, cem.user) == store.Refused(reason="full")
     assert not Session.objects.filter(visitor=cem.user).exists()
 
 
@@ -229,7 +234,7 @@ def test_the_last_place_that_went_while_somebody_asked_ends_their_visit(robot, m
     ada, ben, cem = comers(study, 3)
     drives(robot, ada)
     drives(robot, ben)
-    monkeypatch.setattr(grants, "_why_not", lambda *_: "")
+    monkeypatch.setattr(grants.PendingDrive, "why_not", lambda *_: "")
     refused = take(robot, cem.user)
     assert (refused.reason, Session.objects.get(pk=refused.session).outcome) == (
         "full",
@@ -242,14 +247,20 @@ def test_a_study_that_is_closed_at_this_hour_lets_nobody_begin(robot):
     yesterday = (timezone.now().weekday() + 3) % 7
     hours = [{"days": [yesterday], "start": "09:00", "end": "09:01"}]
     participant = p.comer(p.published(small_study(), opening_hours=hours), person("ada"))
-    assert take(robot, participant.user) == store.TakeRefused("closed")
+    assert take(robot, participant.user) == store.Refused(reason="closed")
+
+
+def test_no_drive_begins_in_a_study_that_is_over(robot, study):
+    (participant,) = comers(study, 1)
+    Study.objects.filter(pk=study.pk).update(status=Study.Status.CLOSED)
+    assert take(robot, participant.user) == store.Refused(reason="closed")
 
 
 def test_an_exclusive_study_keeps_its_robot_from_everybody_else(robot):
     study = p.published(small_study(), exclusive=True)
     participant, stranger, operator = p.comer(study, person("ada")), person("ben"), person("olga")
     RobotPermit.objects.create(robot=robot, user=operator, kind="operator")
-    assert take(robot, stranger) == store.TakeRefused("reserved")
+    assert take(robot, stranger) == store.Refused(reason="reserved")
     assert isinstance(take(robot, operator), store.TakeGranted)
     store.end(str(Session.objects.get().pk), "cancelled", "left", timezone.now())
     RobotPresence.objects.update(turnaround="ready")
@@ -298,9 +309,7 @@ def test_a_robot_by_invitation_is_driven_by_the_invited_while_they_are_to_and_wa
     assert may_drive(invited.user, robot).reason == "not_invited"
 
 
-def test_whom_nobody_invited_costs_one_look_and_an_invitation_as_many_as_two(
-    robot, django_assert_num_queries
-):
+def test_a_visitor_without_an_invitation_costs_one_query(robot, django_assert_num_queries):
     by_invitation = [{**one, "access": "invitation"} for one in STUDY["conditions"]]
     invited, comer = person("ada"), person("ben")
     for slug in ("first", "second", "third"):
@@ -321,7 +330,7 @@ def test_everybody_else_drives_freely_where_the_study_does_not_mind(robot, study
     assert not Drive.objects.exists()
 
 
-def test_somebody_who_does_not_stand_on_a_drive_drives_for_themselves(robot, study):
+def test_a_participant_whose_step_is_no_drive_gets_no_terms(robot, study):
     participant = p.comer(study, person("ada"))
     Participant.objects.update(step="experience")
     assert take(robot, participant.user).terms == terms.FREE
@@ -330,8 +339,8 @@ def test_somebody_who_does_not_stand_on_a_drive_drives_for_themselves(robot, stu
 def test_a_drive_that_was_driven_is_not_driven_again(robot, study):
     participant = p.comer(study, person("ada"))
     drive = drives(robot, participant)
-    Drive.objects.filter(pk=drive.pk).update(exposed=True)
-    assert take(robot, participant.user) == store.TakeRefused("not_allowed")
+    Drive.objects.filter(pk=drive.pk).update(moved=True)
+    assert take(robot, participant.user) == store.Refused(reason="not_allowed")
 
 
 def test_a_draft_is_for_pilots_and_bots(robot, study):
@@ -372,13 +381,13 @@ def test_the_course_of_a_drive_stays_when_the_plan_is_drawn_anew(robot, study):
     assert before.dock.x == cabin().docks[0].x
 
 
-def test_who_drives_for_themselves_and_then_takes_part_begins_anew_from_the_station(robot, study):
+def test_a_visitor_who_then_takes_part_begins_again_from_the_station(robot, study):
     user = person("ada")
     free = take(robot, user).session
     Session.objects.filter(pk=free).update(state="driving", first_motion_at=timezone.now())
     p.comer(study, user)
     queued = take(robot, user)
-    assert isinstance(queued, store.TakeQueued)
+    assert isinstance(queued, store.Queued)
     assert queued.reason.startswith("returning")
     before = Session.objects.get(pk=free)
     assert (before.state, before.outcome, before.outcome_reason, before.terms) == (

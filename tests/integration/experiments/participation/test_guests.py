@@ -71,7 +71,7 @@ def test_pressing_the_button_again_goes_on_and_shows_no_code(client, study):
 
 def test_the_recruiting_sites_parameters_are_kept(client, study):
     client.get(FRONT, {"PROLIFIC_PID": "5f"})
-    take_part(client)
+    assert client.post(FRONT).url == STEP
     assert Participant.objects.get().recruitment == {"PROLIFIC_PID": "5f"}
 
 
@@ -102,7 +102,7 @@ def test_a_study_with_an_open_link_still_asks_for_an_account(client, study):
     assert not User.objects.exists()
 
 
-def test_somebody_with_an_account_takes_part_with_it(client, study):
+def test_a_full_account_takes_part_with_it(client, study):
     ada = person()
     client.force_login(ada)
     assert client.post(FRONT).url == STEP
@@ -271,9 +271,9 @@ def test_people_with_a_password_get_no_code(client, study):
 
 def test_a_guest_downloads_and_deletes_everything(client, study):
     take_part(client)
-    told = client.get(reverse("own_data_download")).json()
-    assert told["account"]["kind"] == "participant"
-    assert [one["study"] for one in told["studies"]] == ["exploration"]
+    data = client.get(reverse("own_data_download")).json()
+    assert data["account"]["kind"] == "participant"
+    assert [one["study"] for one in data["studies"]] == ["exploration"]
     page = read(client.post(reverse("own_data_delete"), {"username": ""}, follow=True))
     assert "tick the box" in page.text
     assert User.objects.count() == 1

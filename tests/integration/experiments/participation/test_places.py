@@ -1,5 +1,5 @@
 """The places of a study as they count now: who left before they had every condition gives theirs to
-another, and gets it back when they come back.
+another, and gets it back on returning.
 """
 
 import pytest
@@ -24,13 +24,13 @@ def study(robot):
     return p.published(p.of("assistance"))
 
 
-def somebody(study, robot, name, order, rounds):
+def participant_of(study, robot, name, order, rounds):
     """A participant who drove some of their conditions."""
     found = p.assign(p.comer(study, person(name)), *order)
     task = study.as_definition().task.key
     for number in range(rounds):
         Participant.objects.filter(pk=found.pk).update(round=number, step=task)
-        p.drive_of(robot, found, outcome="completed", moved=True, exposed=True, step=task)
+        p.drive_of(robot, found, outcome="completed", moved=True, step=task)
     Participant.objects.filter(pk=found.pk).update(stage="filled")
     found.refresh_from_db()
     return found
@@ -44,8 +44,8 @@ def stages(study, now=None):
 def test_a_participant_who_is_silent_after_the_first_round_has_left_until_they_come_back(
     study, robot
 ):
-    somebody(study, robot, "ada", ORDERS[0], 1)
-    somebody(study, robot, "ben", ORDERS[1], 2)
+    participant_of(study, robot, "ada", ORDERS[0], 1)
+    participant_of(study, robot, "ben", ORDERS[1], 2)
     assert stages(study) == [("alone-assisted", "filled"), ("assisted-alone", "filled")]
     later = p.later(25 * 3600)
     assert stages(study, later) == [("alone-assisted", "left"), ("assisted-alone", "filled")]
@@ -54,17 +54,17 @@ def test_a_participant_who_is_silent_after_the_first_round_has_left_until_they_c
 
 
 @pytest.mark.parametrize(("status", "rounds"), [("withdrawn", 2), ("finished", 1)])
-def test_whoever_withdrew_or_is_through_without_every_condition_has_left_at_once(
+def test_withdrawing_or_finishing_without_every_condition_is_leaving_at_once(
     study, robot, status, rounds
 ):
-    one = somebody(study, robot, "ada", ORDERS[0], rounds)
+    one = participant_of(study, robot, "ada", ORDERS[0], rounds)
     Participant.objects.filter(pk=one.pk).update(status=status)
     assert stages(study) == [("alone-assisted", "left")]
 
 
 def test_a_drive_that_is_not_settled_yet_counts(study, robot):
-    one = somebody(study, robot, "ada", ORDERS[0], 2)
-    one.drives.filter(number=2).update(exposed=False, settled_at=None)
+    one = participant_of(study, robot, "ada", ORDERS[0], 2)
+    one.drives.filter(number=2).update(moved=False, settled_at=None)
     Participant.objects.filter(pk=one.pk).update(status="finished")
     assert stages(study) == [("alone-assisted", "filled")]
 
@@ -72,18 +72,18 @@ def test_a_drive_that_is_not_settled_yet_counts(study, robot):
 def test_how_long_the_study_waits_is_its_own_to_say(robot):
     allocation = {"design": "within", "left_after_hours": 200.0}
     study = p.published(p.of("assistance", allocation=allocation))
-    somebody(study, robot, "ada", ORDERS[0], 1)
+    participant_of(study, robot, "ada", ORDERS[0], 1)
     assert stages(study, p.later(199 * 3600)) == [("alone-assisted", "filled")]
     assert stages(study, p.later(201 * 3600)) == [("alone-assisted", "left")]
 
 
 def test_between_participants_nobody_leaves_a_place_that_they_drove_in(robot):
     study = p.published(p.of("exploration"))
-    somebody(study, robot, "ada", ("giraff_open",), 1)
+    participant_of(study, robot, "ada", ("giraff_open",), 1)
     assert stages(study, p.later(90 * 86400)) == [("giraff_open", "filled")]
 
 
-def test_who_read_their_conditions_own_instructions_and_never_drove_is_gone_after_a_while(robot):
+def test_a_reader_of_own_instructions_who_never_drove_is_gone_after_a_while(robot):
     steps = p.msgspec.to_builtins(p.of("exploration"))["steps"]
     read = next(one for one in steps if one["kind"] == "instructions")
     read["leaves"][0]["conditions"] = ["giraff_open"]
@@ -94,5 +94,5 @@ def test_who_read_their_conditions_own_instructions_and_never_drove_is_gone_afte
 
 
 def test_a_bot_or_pilot_is_counted_with_their_own_kind(study, robot):
-    somebody(study, robot, "ada", ORDERS[0], 1)
+    participant_of(study, robot, "ada", ORDERS[0], 1)
     assert places.held(study, "pilot", p.later(0)) == []

@@ -3,6 +3,7 @@ import datetime
 import pytest
 from django.utils import timezone
 
+from experiments.definition.recruitment.recruiting import ENDINGS
 from experiments.models import Participant, ParticipantKind, StepVisit, Study, StudyMember
 from experiments.participation import advance, completion, landing, progress
 from experiments.participation.journey import JourneyPlace
@@ -24,7 +25,7 @@ def twice():
 
 
 def answer(participant: Participant) -> None:
-    """Answer the questions of the step where somebody stands."""
+    """Answer the questions of the step of a participant."""
     step = progress.step_of(participant)
     given = ask(
         participant,
@@ -110,7 +111,7 @@ def test_the_way_through_the_papers_study_ends_at_the_thanks_with_a_code(study):
         "1.0.task",
         "1.0.experience",
     ]
-    # nobody drove
+    # without a drive
     assert (participant.step, participant.completion) == ("thanks", "technical_failure")
     assert participant.completion_code == completion.code(study, "technical_failure")
 
@@ -128,20 +129,18 @@ def test_within_participants_the_repeated_steps_are_gone_through_for_each_condit
 
 
 def test_on_the_next_visit_consent_and_form_are_skipped_and_the_cell_stays(study):
-    from experiments.participation import consent
+    from experiments.participation.consent import agree
 
     participant = p.comer(study, person())
-    consent.agree(
-        participant, progress.step_of(participant), language="en", age=30, now=timezone.now()
-    )
+    agree(participant, progress.step_of(participant), language="en", age=30, now=timezone.now())
     advance.go_on(participant, progress.place(participant), timezone.now())
     answer(participant)
     walk(participant)
     p.assign(participant, "giraff_open")
-    assert advance.come_again(participant, timezone.now())
+    assert advance.begin_next_visit(participant, timezone.now())
     assert progress.place(participant) == JourneyPlace(2, 0, "instructions")
     assert (participant.status, participant.cell) == ("active", "giraff_open")
-    assert not advance.come_again(participant, timezone.now())
+    assert not advance.begin_next_visit(participant, timezone.now())
     assert walk(participant) == ["2.0.instructions", "2.0.task", "2.0.experience"]
     steps = {step.key: step for step in study.as_definition().steps}
     first, second = (
@@ -161,11 +160,13 @@ def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_u
     participant = p.assign(p.comer(study, person()), "giraff_open")
     Participant.objects.filter(pk=participant.pk).update(step="task")
     p.drive_of(robot, participant, outcome="robot_fault", moved=True)
-    assert completion.way_of(participant) == "technical_failure"
+    assert completion.ending_of(participant) == "technical_failure"
     p.drive_of(robot, participant, outcome="cancelled", moved=False)
-    assert completion.way_of(participant) == "technical_failure"
+    assert completion.ending_of(participant) == "technical_failure"
     p.drive_of(robot, participant, outcome="timed_out", moved=True)
-    assert completion.way_of(participant) == "done"
+    assert completion.ending_of(participant) == "timed_out"
+    p.drive_of(robot, participant, outcome="completed", moved=True)
+    assert completion.ending_of(participant) == "done"
     completion.conclude(participant, timezone.now())
     p.drive_of(robot, participant, outcome="connection_lost", moved=True)
     completion.conclude(participant, timezone.now())
@@ -173,12 +174,12 @@ def test_a_drive_that_moved_is_done_and_one_that_failed_is_a_technical_failure_u
 
 
 def test_codes_differ_by_ending_and_study_and_are_the_same_for_everybody(study, twice):
-    codes = {completion.code(one, way) for one in (study, twice) for way in completion.WAYS}
-    assert len(codes) == 6
+    codes = {completion.code(one, ending) for one in (study, twice) for ending in ENDINGS}
+    assert len(codes) == 8  # without a recruitment site, those who drove share a code
     assert completion.code(study, "done") == completion.code(Study.objects.get(pk=study.pk), "done")
 
 
-def test_who_sees_which_version(study):
+def test_each_user_sees_their_version(study):
     researcher, visitor = person("rita"), person("vic")
     StudyMember.objects.create(slug="exploration", user=researcher, role="viewer")
     draft = p.publishing.store(p.of("exploration", version=2), timezone.now())
@@ -211,7 +212,7 @@ def test_the_home_page_shows_what_is_published_and_open_to_all_and_when_closed_s
         opening_hours=[{"days": [0], "start": "09:00", "end": "10:00"}]
     )
     assert [one.slug for one in progress.visible_studies(now)] == ["assistance", "exploration"]
-    opens = {one.slug: one.opens_at for one in landing.invitations("en", now)}
+    opens = {one["slug"]: one["opens_at"] for one in landing.invitations("en", now)}
     assert opens == {
         "assistance": None,
         "exploration": datetime.datetime(2026, 3, 9, 9, 0),  # noqa: DTZ001 -- local time of a form

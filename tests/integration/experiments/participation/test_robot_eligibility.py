@@ -7,7 +7,7 @@ from django.utils import timezone
 from experiments import publishing
 from experiments.models import Study, StudyMember
 from experiments.participation.drive_status import robot_for
-from experiments.participation.robot_eligibility import is_lent, is_shown
+from experiments.participation.robot_eligibility import may_see, may_use
 from robots.access import may_drive
 from robots.models import Robot, RobotPermit
 from tests.support.people import person
@@ -21,7 +21,7 @@ pytestmark = pytest.mark.django_db
 
 @pytest.fixture
 def robot():
-    """A robot that somebody lends to nobody yet."""
+    """A robot with an owner, without operators."""
     cabin_with_giraff()
     Robot.objects.update(access="invitation", owner=person("owner", is_staff=True))
     return Robot.objects.get()
@@ -45,7 +45,7 @@ def by(user, **more) -> Study:
 
 
 def test_a_robot_without_an_owner_is_every_studys():
-    assert is_lent(replays.cabin_robot(), "any")
+    assert may_use("any", replays.cabin_robot())
 
 
 def test_a_study_that_names_somebody_elses_robot_invites_nobody_onto_it(robot, mallory):
@@ -80,8 +80,8 @@ def test_a_researcher_neither_sees_nor_holds_somebody_elses_robot(client, robot,
     hold = {"act": "hold", "robot": "giraff", "text": "mine now"}
     assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 404
     Robot.objects.update(access="open")
-    assert is_shown(Robot.objects.get(), "cabin-study")
-    assert not is_shown(Robot(owner=robot.owner, shown_to_visitors=False), "cabin-study")
+    assert may_see("cabin-study", Robot.objects.get())
+    assert not may_see("cabin-study", Robot(owner=robot.owner, shown_to_visitors=False))
     assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 404
     Study.objects.update(published_by=robot.owner)
     assert client.post(reverse("study_live_act", args=["cabin-study"]), hold).status_code == 200
@@ -90,7 +90,7 @@ def test_a_researcher_neither_sees_nor_holds_somebody_elses_robot(client, robot,
 def test_a_draft_has_nobodys_robots_at_its_disposal(robot, mallory):
     by(robot.owner)
     Study.objects.update(status="draft")
-    assert not is_lent(robot, "cabin-study")
+    assert not may_use("cabin-study", robot)
 
 
 def test_a_participant_is_led_to_a_robot_that_visitors_see(robot):
@@ -103,7 +103,7 @@ def test_a_participant_is_led_to_a_robot_that_visitors_see(robot):
     assert robot_for(participant, timezone.now())[0] is None
 
 
-def test_who_publishes_is_written_down(robot):
+def test_the_publisher_is_stored(robot):
     row = publishing.publish(
         publishing.store(small_study(), timezone.now()),
         robot.owner,
@@ -111,10 +111,10 @@ def test_who_publishes_is_written_down(robot):
         timezone.now(),
     )
     assert row.published_by == robot.owner
-    assert is_lent(robot, "cabin-study")
+    assert may_use("cabin-study", robot)
 
 
-def test_whether_a_robot_is_lent_costs_the_same_for_many_publishers(
+def test_the_check_of_a_robot_costs_the_same_for_many_publishers(
     robot, django_assert_max_num_queries
 ):
     study = by(person("first"))
@@ -127,4 +127,4 @@ def test_whether_a_robot_is_lent_costs_the_same_for_many_publishers(
         )
         Study.objects.bulk_create([version])
     with django_assert_max_num_queries(2):
-        assert not is_lent(robot, study.slug)
+        assert not may_use(study.slug, robot)

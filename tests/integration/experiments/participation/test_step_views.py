@@ -3,9 +3,10 @@ from django.urls import reverse
 from django.utils import timezone
 
 from experiments.bots.browser import HttpAnswer
-from experiments.bots.page import read as read_page
+from experiments.bots.page import HtmlPage
 from experiments.bots.participant import heading_of
 from experiments.definition.shipped import shipped
+from experiments.definition.steps.consent import SHARING
 from experiments.models import ConsentReceipt, Participant, StepVisit, Study
 from experiments.participation import completion, journey, progress
 from robots.models import Robot, RobotPresence
@@ -25,7 +26,7 @@ PLACES = [
     for place in journey.route(study, journey.rounds(study, "open"), 1)
 ]
 
-# the paper's study stands for the others, which have more of the same steps
+# the study of the paper covers the others, which have more of the same steps
 STUDIES = [
     pytest.param(name, marks=[] if name == "exploration" else pytest.mark.nightly)
     for name in shipped()
@@ -58,7 +59,7 @@ def bring(walker: Walker, place: journey.JourneyPlace) -> None:
         assert progress.place(walker.participant) != before, f"stuck at {before.word}"
 
 
-# --- every step, whatever somebody does with their browser ----------------------------------------
+# --- every step, whatever a participant does in the browser ---------------------------------------
 
 
 def check_reload_and_back(walker: Walker, past: list[dict[str, str]]) -> None:
@@ -84,13 +85,13 @@ def test_reload_back_second_tab_and_other_device_lose_no_step_of_a_study_and_do_
 ):
     walker, other = walk(name), None
     past: list[dict[str, str]] = []
-    way = progress.way_of(walker.participant)
-    assert len(way) == len([place for place in PLACES if place[0] == name])
-    for number, place in enumerate(way):
+    route = progress.route_of(walker.participant)
+    assert len(route) == len([place for place in PLACES if place[0] == name])
+    for number, place in enumerate(route):
         assert progress.place(walker.participant) == place
         check_reload_and_back(walker, past)
         assert StepVisit.objects.count() == number + 1, place.word
-        if place == way[-1]:
+        if place == route[-1]:
             break
         past.append(walker.answers())
         other = walker.browser()
@@ -98,7 +99,7 @@ def test_reload_back_second_tab_and_other_device_lose_no_step_of_a_study_and_do_
         walker.do()
         other.post(walker.url(), past[-1])
         walker.look(other)
-        assert progress.place(walker.participant) == way[number + 1], (
+        assert progress.place(walker.participant) == route[number + 1], (
             f"{place.word}: answered in two tabs"
         )
     assert StepVisit.objects.filter(finished_at=None).count() == 1  # the thanks
@@ -116,7 +117,7 @@ def test_every_page_of_a_participant_names_the_study_and_the_step_also_of_repeat
 ):
     walker = walk("assistance")
     assert not titles(read(walker.client.get(walker.url("study")))).startswith("Step")
-    total = len(progress.way_of(walker.participant))
+    total = len(progress.route_of(walker.participant))
     for number in range(1, total + 1):
         page = walker.look()
         assert faults(page) == []
@@ -126,8 +127,8 @@ def test_every_page_of_a_participant_names_the_study_and_the_step_also_of_repeat
         if walker.step.kind in {"task", "practice"}:
             drive = read(walker.client.get(walker.url("study_drive")))
             assert titles(drive).startswith(f"Step {number} of {total} · {walker.study.title}")
-            told = next(e for e in drive.all("p") if e.attributes.get("class") == "task__study")
-            assert told.text == f"{walker.study.title} · Step {number} of {total}"
+            shown = next(e for e in drive.all("p") if e.attributes.get("class") == "task__study")
+            assert shown.text == f"{walker.study.title} · Step {number} of {total}"
         if number < total:
             walker.do()
     assert walker.participant.status == "finished"
@@ -159,11 +160,12 @@ def test_a_questionnaire_outside_of_any_study_names_no_step(client):
     assert "Step" not in page.all("main")[0].text
 
 
-def assert_codes_are_told_apart(page, walker):
+def assert_codes_are_distinguished(page, walker):
     """The code for the recruitment site comes first; each has its heading, use and button."""
     headings = [one.text for one in page.all("h2")]
     first, last = "Your completion code", "Your participant code, for questions about your data"
-    assert headings[-2:] == [first, last]
+    assert headings[-1] == last
+    assert headings.index(first) < headings.index("Another visit")
     copying = {one.attributes.get("data-copy"): one.text for one in page.all("button")}
     copying.pop(None, None)
     assert copying == {
@@ -179,10 +181,10 @@ def assert_codes_are_told_apart(page, walker):
 @pytest.mark.parametrize("name", STUDIES)
 def test_a_whole_study_and_a_second_visit_without_the_questions_about_the_person(walk, name):
     walker = walk(name)
-    bring(walker, progress.way_of(walker.participant)[-1])
+    bring(walker, progress.route_of(walker.participant)[-1])
     page = walker.look()
     assert completion.code(walker.study, "done") in page.text
-    assert_codes_are_told_apart(page, walker)
+    assert_codes_are_distinguished(page, walker)
     assert walker.participant.status == "finished"
     walker.come()
     assert walker.participant.visit == 2
@@ -222,6 +224,26 @@ def test_the_receipt_holds_the_text_as_it_was_shown_and_can_be_taken_along(walk)
 
 
 @pytest.mark.parametrize(
+    ("asks", "ticked", "stored"), [(True, True, True), (True, False, False), (False, True, None)]
+)
+def test_agreement_to_publishing_is_a_tick_of_its_own_that_nobody_has_to_set(
+    robot, asks, ticked, stored
+):
+    definition = p.of("exploration")
+    consent = p.msgspec.structs.replace(definition.consent, sharing=dict(SHARING) if asks else {})
+    whole = p.msgspec.structs.replace(definition, steps=(consent, *definition.steps[1:]))
+    walker = Walker(p.published(whole), person(), robot)
+    walker.come()
+    assert ("My data may be published" in walker.look().text) == asks
+    walker.send(age="30", agree="on", **({"sharing": "on"} if ticked else {}))
+    row = ConsentReceipt.objects.get()
+    assert (row.sharing, row.sharing_text) == (stored, SHARING["en"] if asks else "")
+    address = reverse("study_receipt", args=[walker.participant.code, "consent"])
+    receipt = walker.client.get(address).content.decode()
+    assert (f"[{'x' if ticked else ' '}] My data may be published" in receipt) == asks
+
+
+@pytest.mark.parametrize(
     "fields",
     [
         {},
@@ -248,7 +270,7 @@ def test_a_consent_that_is_not_given_or_out_of_range_is_asked_again_and_nothing_
     assert (ConsentReceipt.objects.count(), walker.participant.step) == (0, "consent")
 
 
-def test_who_declines_leaves_a_row_without_a_name_and_may_come_again(walk):
+def test_declining_leaves_a_row_without_a_name_and_allows_a_return(walk):
     walker = walk()
     assert "You have left the study" in read(walker.send(go="decline")).text
     row = Participant.objects.get()
@@ -329,7 +351,8 @@ def read_by_condition(*keys: str) -> list[dict]:
 
 def test_a_page_for_some_conditions_is_read_by_those_alone_who_are_assigned_when_they_come(robot):
     keys = ("giraff_open", "giraff_lab_closed", "giraff_lounge_closed")
-    study = p.published(p.of("exploration", steps=read_by_condition(*keys)))
+    even = {"best_probability": 1.0}
+    study = p.published(p.of("exploration", steps=read_by_condition(*keys), allocation=even))
     for n in range(3):
         walker = Walker(study, person(f"p{n}"), robot)
         walker.come()
@@ -357,7 +380,7 @@ def test_a_step_without_a_page_for_ones_condition_is_passed_over(robot):
     bring(walker, journey.JourneyPlace(1, 0, "task"))
 
 
-def test_who_comes_to_such_a_page_when_every_cell_is_full_is_turned_away(robot):
+def test_a_reader_is_screened_out_when_every_cell_is_full(robot):
     full = {"design": "between", "quota": 1}
     steps = read_by_condition("giraff_open")
     study = p.published(p.of("exploration", steps=steps, allocation=full))
@@ -384,7 +407,7 @@ def at_task(walk):
     return bring_there
 
 
-def test_who_comes_while_another_drives_reads_how_long_they_wait_and_that_their_place_is_kept(
+def test_the_page_shows_the_wait_while_another_drives_and_that_the_place_is_kept(
     at_task, robot, settings
 ):
     settings.TURN_MINUTES = 7.0
@@ -400,8 +423,8 @@ def test_who_comes_while_another_drives_reads_how_long_they_wait_and_that_their_
         queued_at=now,
         granted_at=now,
     )
-    told = f"{busy} You may have to wait up to about 7 minutes. Your place in the study is kept"
-    assert told in walker.look().text
+    wait = f"{busy} You may have to wait up to about 7 minutes. Your place in the study is kept"
+    assert wait in walker.look().text
     front = read(walker.client.get(walker.url("study")))
     assert faults(front) == []
     assert f"{busy} If you came to the drive now, you would wait up to about 7 min" in front.text
@@ -411,7 +434,7 @@ def test_who_comes_while_another_drives_reads_how_long_they_wait_and_that_their_
     assert busy not in walker.look().text
 
 
-def test_where_the_last_place_may_go_to_another_only_progress_is_said_to_be_kept(at_task):
+def test_only_progress_is_kept_where_the_last_place_may_go_to_another(at_task):
     walker = at_task()
     limited = {**walker.study.definition, "allocation": {"quota": 1}}
     Study.objects.update(definition=limited)
@@ -428,7 +451,7 @@ def test_the_drive_page_is_told_of_the_study(at_task, robot):
     response = walker.client.get(walker.url("study_drive"))
     assert response.status_code == 200
     guide = response.context["config"]["study"]
-    read_by_a_bot = HttpAnswer("http://x/drive/", 200, read_page(response.content.decode()))
+    read_by_a_bot = HttpAnswer("http://x/drive/", 200, HtmlPage(response.content.decode()))
     assert heading_of(read_by_a_bot) == page.all("h1")[0].text, "not what scripts show at times"
     assert (guide["kind"], len(guide["checkpoints"]), guide["urls"]["step"]) == (
         "task",
@@ -524,9 +547,7 @@ def test_a_drive_outside_of_the_study_before_the_step_changes_nothing(walk, robo
     assert walker.participant.step == "task"
 
 
-def test_nobody_skips_the_drive_while_the_robot_is_there_and_everybody_may_when_it_is_gone(
-    at_task, robot
-):
+def test_the_drive_can_be_skipped_only_while_the_robot_is_offline(at_task, robot):
     walker = at_task()
     walker.send(go="without")
     assert walker.participant.step == "task"
@@ -560,7 +581,7 @@ def test_a_full_study_turns_away_who_has_no_place(at_task):
     assert walker.participant.status == "screened_out"
 
 
-def test_who_gave_their_place_back_is_not_turned_away_but_answers_when_all_others_are_taken(
+def test_a_freed_participant_answers_when_all_other_places_are_taken(
     at_task,
 ):
     walker = at_task()
@@ -633,7 +654,7 @@ def test_a_forged_step_is_a_clear_page_and_changes_nothing(walk, place):
 
 def test_a_step_ahead_cannot_be_answered(walk):
     walker = walk()
-    for place in progress.way_of(walker.participant)[1:]:
+    for place in progress.route_of(walker.participant)[1:]:
         walker.client.post(
             walker.url(), {"place": place.word, "go": "without", "agree": "on", "age": "30"}
         )
@@ -642,7 +663,7 @@ def test_a_step_ahead_cannot_be_answered(walk):
     assert ConsentReceipt.objects.count() == 0
 
 
-def test_nobody_gets_at_somebody_elses_participation(walk, client):
+def test_the_participation_of_another_user_cannot_be_reached(walk, client):
     walker = walk()
     walker.send(age="30", agree="on")
     code = walker.participant.code
@@ -680,7 +701,7 @@ def test_a_closed_study_lets_its_participants_finish(walk):
 @pytest.mark.parametrize("language", ["en", "es"])
 def test_every_page_is_sound_in_both_languages(walk, language):
     walker = walk()
-    for place in progress.way_of(walker.participant):
+    for place in progress.route_of(walker.participant):
         bring(walker, place)
         response = walker.client.get(
             walker.url(), headers={"accept-language": language}, follow=True

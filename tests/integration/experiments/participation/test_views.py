@@ -244,7 +244,7 @@ def test_a_link_to_a_study_that_is_not_running_takes_nobody(client, study, statu
     assert not Participant.objects.exists()
 
 
-def test_a_bots_link_makes_a_bot_also_of_a_draft_and_it_may_come_again(client, study):
+def test_a_bots_link_makes_a_bot_also_of_a_draft_and_works_again(client, study):
     Study.objects.update(status="draft")
     _row, token = links.make(study, access="open", kind="bot", now=timezone.now())
     signed_in(client)
@@ -281,12 +281,12 @@ def walker(study):
 def test_everything_that_is_kept_can_be_downloaded(walker):
     answer = walker.client.get(reverse("own_data_download"))
     assert "attachment" in answer["Content-Disposition"]
-    told = json.loads(answer.content)
-    assert told["account"]["email"] == "ada@example.org"
-    assert told["studies"][0]["consents"][0]["text"].startswith("You will drive a real robot")
-    assert [one["questionnaire"] for one in told["questionnaires"]] == ["ict", "experience"]
-    assert told["drives"][0]["outcome"] == "completed"
-    assert [one["step"] for one in told["studies"][0]["steps"]] == [
+    data = json.loads(answer.content)
+    assert data["account"]["email"] == "ada@example.org"
+    assert data["studies"][0]["consents"][0]["text"].startswith("You will drive a real robot")
+    assert [one["questionnaire"] for one in data["questionnaires"]] == ["ict", "experience"]
+    assert data["drives"][0]["outcome"] == "completed"
+    assert [one["step"] for one in data["studies"][0]["steps"]] == [
         "consent",
         "about_you",
         "instructions",
@@ -309,7 +309,7 @@ def test_the_page_of_ones_own_data_is_sound_and_leads_to_everything(walker):
     ]
 
 
-def test_who_withdraws_leaves_the_day_the_step_and_the_cell_and_nothing_else(walker):
+def test_a_withdrawal_leaves_only_the_day_the_step_and_the_cell(walker):
     code, cell = walker.participant.code, walker.participant.cell
     ask = walker.client.get(reverse("study_withdraw", args=[code]))
     assert faults(read(ask)) == []
@@ -339,7 +339,7 @@ def test_who_withdraws_leaves_the_day_the_step_and_the_cell_and_nothing_else(wal
     assert Participant.objects.get().withdrawn_at == row.withdrawn_at
 
 
-def test_who_withdraws_before_moving_the_robot_gives_the_place_back(study):
+def test_a_withdrawal_before_the_robot_moved_frees_the_place(study):
     participant = p.assign(p.comer(study, person()), "giraff_open")
     left = deletion.withdraw(participant, timezone.now())
     assert (left.stage, left.cell) == ("freed", "giraff_open")
@@ -358,7 +358,7 @@ def test_a_drive_that_lives_is_ended_by_withdrawing_and_deleted_once_everybody_w
     )
     assert (waiting.pk, waiting.stage, waiting.user) == (participant.pk, "filled", None)
     deletion.clear_settled(now=timezone.now())
-    assert Session.objects.count() == 1, "the session manager has not told it yet"
+    assert Session.objects.count() == 1, "the session manager has not ended it yet"
     Session.objects.update(closed_at=timezone.now())
     deletion.clear_settled(now=timezone.now())
     assert Session.objects.count() == 1, "it is still being settled"
@@ -381,7 +381,7 @@ def test_a_withdrawal_under_way_is_left_alone_and_one_that_was_cut_off_is_finish
     deletion.clear_settled(now=now)
     assert Participant.objects.get().pk == participant.pk
     assert type(link).objects.get().participant_id == participant.pk
-    deletion.clear_settled(now=now + 2 * deletion.A_REQUEST)
+    deletion.clear_settled(now=now + 2 * deletion.MAX_REQUEST)
     assert Participant.objects.get().slot.startswith(deletion.LEFT)
     assert not type(link).objects.exists()
 
@@ -440,5 +440,5 @@ def test_own_data_is_for_who_is_signed_in(client, name):
     assert client.get(reverse(name)).url.startswith("/accounts/login/")
 
 
-def test_nothing_is_deleted_by_a_get(walker):
+def test_a_get_deletes_nothing(walker):
     assert walker.client.get(reverse("own_data_delete")).status_code == 405

@@ -1,5 +1,5 @@
-"""Somebody walks through the paper's study, drives, takes a photo and answers; researchers look at
-it and export it; then they withdraw. What is left of them, and what they are told about it.
+"""A participant does the whole study of the paper; researchers look at the data and export it; then
+the participant withdraws: which data is left, and what the receipt lists.
 """
 
 import datetime
@@ -18,11 +18,11 @@ from django.urls import reverse
 from django.utils import timezone
 
 from accounts.models import AuditEntry, User
-from experiments.dataset.selection import Selection
 from experiments.export import reports
 from experiments.export.archive import unpacked
 from experiments.export.files import export_files
 from experiments.export.formats import ON_REQUEST
+from experiments.extraction.selection import Selection
 from experiments.models import Drive, Participant, Study, StudyMember, TaskEvent
 from experiments.participation import links
 from experiments.participation.grants import StudyTerms
@@ -70,7 +70,7 @@ def log():
 
 
 def walker_of(study: Study, kind: str) -> Walker:
-    """Somebody who came by a link of a recruiting site, with an account or without one."""
+    """A participant who came by a link of a recruiting site, with an account or without one."""
     robot, front = p.site(), reverse("study", args=[study.slug])
     if kind == "full":
         names = {"email": "zqzaphod@example.org", "display_name": "Zqbeeblebrox"}
@@ -87,7 +87,7 @@ def walker_of(study: Study, kind: str) -> Walker:
 
 
 def walked(kind: str) -> Walker:
-    """Somebody on the last page, after a drive that left one of everything."""
+    """A participant on the last page, after a drive that left one of everything."""
     walker = walker_of(p.published(p.of("exploration"), entry=Study.Entry.CODE), kind)
     while walker.step.kind != "task":
         walker.do()
@@ -109,9 +109,11 @@ def drive(walker: Walker) -> None:
     jpeg = with_metadata(b"zqphotographed")
     digest = hashlib.sha256(jpeg).hexdigest()
     Snapshot.objects.create(**about, action_id="zqactionid", sha256=digest, jpeg=jpeg)
-    heard = {**about, "received_at": BEGAN.timestamp() + 8.25}
-    NetworkSample.objects.create(**heard, data={"rtt": 0.1})
-    SessionEvent.objects.create(**heard, source="page", type="said", data={"words": "zqtoldthem"})
+    received = {**about, "received_at": BEGAN.timestamp() + 8.25}
+    NetworkSample.objects.create(**received, data={"rtt": 0.1})
+    SessionEvent.objects.create(
+        **received, source="page", type="said", data={"words": "zqtoldthem"}
+    )
     states = [replays.state(n / 4, BEGAN.timestamp(), n) for n in range(4)]
     stamps = [one["stamp"] for one in states]
     StateChunk.objects.create(
@@ -127,7 +129,11 @@ def drive(walker: Walker) -> None:
     row = Drive.objects.get(session=session)
     TaskEvent.objects.create(drive=row, number=0, stamp=BEGAN.timestamp() + 9.5, type="began")
     Drive.objects.filter(pk=row.pk).update(
-        outcome="completed", exposed=True, settled_at=timezone.now(), result={"note": "zqresulted"}
+        outcome="completed",
+        moved=True,
+        exposed_at=timezone.now(),
+        settled_at=timezone.now(),
+        result={"note": "zqresulted"},
     )
 
 
@@ -178,7 +184,7 @@ def theirs(walker: Walker) -> list:
 
 @pytest.mark.django_db(transaction=True)
 @pytest.mark.parametrize("kind", ["full", "guest"])
-def test_nothing_that_was_theirs_is_anywhere_after_a_withdrawal(kind, log, tmp_path):
+def test_a_withdrawal_leaves_no_data_of_the_participant_anywhere(kind, log, tmp_path):
     walker = walked(kind)
     looked_at(walker)
     call_command("export_study", "exploration", out=tmp_path / "taken", identified=True)
@@ -196,8 +202,8 @@ def test_nothing_that_was_theirs_is_anywhere_after_a_withdrawal(kind, log, tmp_p
     assert len(in_tables(values)) > 100
     assert len(in_files(Path(site_settings.VAR_DIR), values)) > 50
 
-    told = walker.client.post(reverse("study_withdraw", args=[walker.participant.code]))
-    assert told.status_code == 200
+    answer = walker.client.post(reverse("study_withdraw", args=[walker.participant.code]))
+    assert answer.status_code == 200
     call_command("forget", stdout=io.StringIO())
 
     assert in_tables(values) == set()

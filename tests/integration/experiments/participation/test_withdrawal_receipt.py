@@ -1,4 +1,4 @@
-"""What somebody who withdraws is told: what was deleted, what stays, and what was given out."""
+"""The receipt of a withdrawal: what was deleted, what stays, and what had been exported."""
 
 import re
 
@@ -68,13 +68,32 @@ def test_copies_that_were_given_out_are_named_by_kind_time_and_role_and_not_by_n
     audit.note("study_exported", study=study.slug, thing="version 2")
     audit.note("study_exported", study=study.slug, thing="version 1", at=p.later(-86400))
     page = left(walker)
-    told = [" ".join(one.text.split()) for one in page.all("dd")]
-    assert told[-3:] == [
+    listed = [" ".join(one.text.split()) for one in page.all("dd")]
+    assert listed[-3:] == [
         "dataset with names, free text and photos; an owner of the study",
         "dataset by participant code; a viewer of the study",
         "dataset by participant code; somebody who no longer has a role here",
     ]
     assert "zq" not in page.text
+
+
+def test_participant_who_finished_keeps_the_completion_code(walker):
+    walker.drive()
+    for _ in range(20):
+        if walker.participant.completion:
+            break
+        walker.do()
+    code = walker.participant.completion_code
+    assert len(code) == 8
+    address = reverse("study_withdraw", args=[walker.participant.code])
+    assert "Your completion code stays valid." in read(walker.client.get(address)).text
+    page = left(walker)
+    assert code in page.text
+    text = walker.client.post(DOWNLOAD, {"receipt": carried(page)}).content.decode()
+    assert f"Your completion code: {code}" in text
+    row = Participant.objects.get()
+    assert (row.status, row.completion, row.completion_code) == ("withdrawn", "done", code)
+    assert row.withdrawn_stage == "answered"
 
 
 def test_an_export_by_the_command_is_told_as_well(walker, tmp_path):

@@ -58,7 +58,7 @@ def test_one_that_was_not_signed_for_a_while_is_lost_and_gives_its_place_away(st
     lost.refresh_from_db()
     assert (lost.status, lost.reason) == (runs.Status.FAILED, runs.LOST)
     assert again.status == runs.Status.WAITING
-    assert not runs.sign(lost.pk, LATER)  # its process comes back, and hears that it is to end
+    assert not runs.sign(lost.pk, LATER)  # its process signs again, and learns that it is to end
 
 
 def test_one_that_is_signed_keeps_its_place(study):
@@ -68,7 +68,7 @@ def test_one_that_is_signed_keeps_its_place(study):
         runs.request(study, LATER)
 
 
-def test_what_comes_after_somebody_ended_it_is_not_kept(study):
+def test_results_are_not_kept_after_a_rehearsal_was_ended(study):
     row, user = running(study), person("ada")
     assert runs.stop(row.pk, user)
     assert not runs.finish(row.pk, RehearsalReport(1, passed=True))

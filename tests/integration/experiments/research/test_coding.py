@@ -1,4 +1,4 @@
-"""Coding of replays: what is stored of whom, who sees what, files, agreement, withdrawal."""
+"""Coding of replays: stored changes, access, files, agreement, withdrawal."""
 
 import datetime
 import functools
@@ -12,11 +12,12 @@ from django.utils import timezone
 
 from experiments.coding import store
 from experiments.models import Coding, CodingEdit, CodingSchemeVersion, Participant, StudyMember
-from experiments.participation.own_data import gather
+from experiments.participation.own_data.gathering import gather
 from experiments.participation.withdrawal import receipt
 from experiments.participation.withdrawal.deletion import withdraw
 from robots.files import limited_process
 from robots.files.limited_process import ChildLimits
+from tests.support.browsers.html_page import read
 from tests.support.people import person
 from tests.support.sessions import replays
 
@@ -94,7 +95,7 @@ def test_a_change_is_a_version_with_its_coder_and_time_and_is_stored_once(client
     assert {one.coding.coder.username for one in versions} == {"carl"}
 
 
-def test_of_two_tabs_the_later_change_counts_and_the_other_stays_in_the_history(client, drive):
+def test_the_later_change_of_two_tabs_counts_and_both_stay_in_the_history(client, drive):
     as_coder(client, "carl")
     first = edit("help", 3.0)
     save(client, drive, first)
@@ -117,7 +118,7 @@ def test_of_two_tabs_the_later_change_counts_and_the_other_stays_in_the_history(
         ({"modifiers": {"whom": "dog"}}, "modifier"),
     ],
 )
-def test_a_change_that_does_not_fit_is_refused_with_the_reason_and_the_others_are_kept(
+def test_an_invalid_change_is_refused_with_its_reason_and_the_others_are_stored(
     client, drive, change, told
 ):
     as_coder(client, "carl")
@@ -128,7 +129,7 @@ def test_a_change_that_does_not_fit_is_refused_with_the_reason_and_the_others_ar
 
 
 @pytest.mark.parametrize("body", [b"[", b"{}", b'{"edits": [{"id": 1}]}', b'{"edits": 3}'])
-def test_what_no_page_sends_is_refused(client, drive, body):
+def test_malformed_requests_are_refused(client, drive, body):
     as_coder(client, "carl")
     address = reverse("coding_save", args=[drive.session_id])
     assert client.post(address, body, content_type="application/json").status_code == 400
@@ -165,7 +166,7 @@ def test_codings_are_compared_only_when_all_coders_are_done(client, drive):
     assert finish(client, drive, again="1").status_code == 409
 
 
-def test_a_finished_coding_can_be_reopened_while_nobody_compares_it(client, drive):
+def test_a_finished_coding_can_be_reopened_until_it_is_compared(client, drive):
     as_coder(client, "carl")
     save(client, drive, edit("help", 20.0))
     finish(client, drive)
@@ -207,7 +208,7 @@ def test_a_coder_who_is_staff_finds_no_participants_in_the_administration(client
     assert page.status_code in {302, 403}
 
 
-def test_a_blind_coder_gets_neither_the_condition_nor_what_tells_it(client, drive):
+def test_a_blind_coder_gets_nothing_that_reveals_the_condition(client, drive):
     as_coder(client, "carl")
     text = client.get(reverse("code_session", args=[drive.session_id])).text
     condition = drive.participant.study.as_definition().condition(drive.condition)
@@ -224,7 +225,7 @@ def file(content: bytes, name: str = "coding.eaf") -> SimpleUploadedFile:
 
 
 @pytest.mark.parametrize("kind", ["eaf", "boris"])
-def test_a_coding_comes_back_from_its_file(client, drive, kind):
+def test_an_exported_coding_can_be_imported(client, drive, kind):
     as_coder(client, "carl")
     chosen = {"modifiers": {"whom": "robot"}, "comment": "loud"}
     save(client, drive, edit("lost", 3.0, 9.0), edit("help", 20.0, **chosen))
@@ -254,7 +255,9 @@ def edit_time(_before) -> datetime.datetime:
         (b'{"observations": {"S": {"events": [[99, "", "help", "", ""]]}}}', "outside the session"),
     ],
 )
-def test_a_file_that_cannot_be_imported_says_why_and_changes_nothing(client, drive, content, told):
+def test_an_invalid_file_is_refused_with_the_reason_and_changes_nothing(
+    client, drive, content, told
+):
     as_coder(client, "carl")
     save(client, drive, edit("help", 20.0))
     address = reverse("coding_import", args=[drive.session_id])
@@ -331,3 +334,12 @@ def test_a_coding_outlives_its_coders_account_without_them(client, drive):
     Coding.objects.get().coder.delete()
     assert (Coding.objects.get().coder, Coding.objects.get().number) == (None, 1)
     assert CodingEdit.objects.count() == 1
+
+
+def test_page_of_a_study_without_scheme_leads_to_the_builder(client):
+    plain = replays.study()
+    client.force_login(person("boss", is_staff=True, is_superuser=True))
+    page = read(client.get(reverse("study_coding", args=[plain.slug])))
+    build = reverse("admin:experiments_study_section", args=[plain.pk, "coding"])
+    assert build in [a.attributes.get("href") for a in page.all("a")]
+    assert client.get(build).status_code == 200

@@ -35,7 +35,7 @@ def robot():
 
 @pytest.fixture
 def drive(robot):
-    """Somebody who has driven for ten seconds and goes on."""
+    """A drive that began ten seconds ago."""
     visit = replays.session(
         robot, person("ada"), granted=timezone.now() - datetime.timedelta(seconds=10)
     )
@@ -57,7 +57,7 @@ def member(role: str, slug: str = "cabin-study"):
 
 
 def seen(now: datetime.datetime | None = None):
-    return live.now_in("cabin-study", "en", now or timezone.now())
+    return live.now_in("cabin-study", now or timezone.now())
 
 
 def act(client, **body):
@@ -70,7 +70,7 @@ def operators_acts():
     )
 
 
-def test_a_drive_is_told_with_the_newest_state_and_network(drive):
+def test_a_drive_has_the_newest_state_and_network(drive):
     told = seen()["drives"][0]
     x, y, _ = replays.place(9.75)
     assert (told["pose"]["x"], told["pose"]["y"]) == pytest.approx((x, y))
@@ -82,7 +82,7 @@ def test_a_drive_is_told_with_the_newest_state_and_network(drive):
     )
 
 
-def test_how_far_a_task_is_follows_its_events(drive):
+def test_the_progress_of_a_task_follows_its_events(drive):
     replays.task_told(drive, 1.0, "task_started")
     replays.task_told(drive, 4.0, "checkpoint", number=1)
     replays.task_told(drive, 4.0, "cue", name="go_to_checkpoint", number=2)
@@ -96,7 +96,7 @@ def test_how_far_a_task_is_follows_its_events(drive):
     assert task["remaining"] == pytest.approx(300.0 - 9.0)
 
 
-def test_a_door_is_told_as_it_was_set_and_as_the_robot_confirms_it(drive, robot):
+def test_a_door_is_shown_as_set_and_as_confirmed_by_the_robot(drive, robot):
     Robot.objects.update(doors={"door": "closed"})
     assert [(door["set"], door["confirmed"]) for door in seen()["robots"][0]["doors"]] == [
         ("closed", None)
@@ -106,6 +106,35 @@ def test_a_door_is_told_as_it_was_set_and_as_the_robot_confirms_it(drive, robot)
     door = seen()["robots"][0]["doors"][0]
     assert door["confirmed"] == "closed"
     assert door["at"] == pytest.approx(drive.granted_at.timestamp() + 3.0)
+
+
+def test_robots_that_most_participants_cannot_use_come_last_and_say_so(robot):
+    def version(number, *accesses, status="published"):
+        series = ("giraff", "rhodon")
+        conditions = [
+            {**STUDY["conditions"][0], "key": f"c{n}", "robot": series[n], "access": access}
+            for n, access in enumerate(accesses)
+        ]
+        definition = {**STUDY, "version": number, "conditions": conditions, "courses": []}
+        replays.study(version=number, definition=definition, status=status)
+
+    other = replays.cabin_robot("a-rhodon")
+    other.presence.factsheet["series"] = "rhodon"
+    other.presence.save()
+    version(1, "open", "open")
+    assert [(one["name"], one["use"]) for one in seen()["robots"]] == [
+        (other.name, "open"),
+        ("giraff", "open"),
+    ]
+    version(2, "open", "invitation")
+    assert [(one["name"], one["use"]) for one in seen()["robots"]] == [
+        ("giraff", "open"),
+        (other.name, "invitation"),
+    ]
+    version(3, "open")
+    assert [one["use"] for one in seen()["robots"]] == ["open", "none"]
+    version(4, "invitation", "open", status="draft")
+    assert [one["use"] for one in seen()["robots"]] == ["open", "none"], "a draft changes nothing"
 
 
 def test_the_page_has_the_course_of_each_robot_in_each_version(client, drive):
@@ -122,7 +151,7 @@ def test_the_page_has_the_course_of_each_robot_in_each_version(client, drive):
     assert seen()["drives"][0]["version"] == 1
 
 
-def test_participants_of_the_last_hour_stand_on_their_step(drive):
+def test_participants_of_the_last_hour_are_shown_with_their_step(drive):
     replays.participant(
         drive.participant.study, person("old"), seen_at=timezone.now() - datetime.timedelta(hours=2)
     )
@@ -132,7 +161,7 @@ def test_participants_of_the_last_hour_stand_on_their_step(drive):
     ]
 
 
-def test_who_waits_is_told_by_code_and_strangers_without_a_name(drive, robot):
+def test_the_queue_shows_codes_of_participants_and_no_names_of_others(drive, robot):
     of_the_study = replays.participant(drive.participant.study, person("bob"))
     for number, user in enumerate((of_the_study.user, person("stranger"))):
         at = timezone.now() + datetime.timedelta(seconds=number)
@@ -142,7 +171,7 @@ def test_who_waits_is_told_by_code_and_strangers_without_a_name(drive, robot):
     assert seen()["queues"] == {"giraff": [of_the_study.code, ""]}
 
 
-def test_a_robot_that_never_said_anything_is_told_as_it_is(drive):
+def test_a_robot_that_never_reported_is_shown_without_values(drive):
     replays.cabin_robot("silent")
     silent = next(robot for robot in seen()["robots"] if robot["name"] == "silent")
     assert (silent["online"], silent["pose"], silent["heard"]) == (False, None, None)
@@ -176,7 +205,7 @@ def test_a_study_that_does_not_exist_is_not_found(admin_client):
     assert admin_client.get(reverse("study_live", args=["nothing"])).status_code == 404
 
 
-def test_viewers_have_no_way_to_act(client, drive):
+def test_viewers_cannot_intervene(client, drive):
     client.force_login(member("viewer"))
     assert b'name="act"' not in client.get(reverse("study_live", args=["cabin-study"])).content
     assert act(client, act="end", session=str(drive.session_id), text="no").status_code == 404
@@ -194,7 +223,7 @@ def test_the_session_of_another_study_is_not_found(client, drive):
 # --- acts -----------------------------------------------------------------------------------------
 
 
-def test_ending_a_session_needs_a_reason_and_is_written_down(client, drive):
+def test_ending_a_session_needs_a_reason_and_is_recorded(client, drive):
     client.force_login(member("researcher"))
     assert act(client, act="end", session=str(drive.session_id), text=" ").status_code == 409
     assert Session.objects.get().state == "driving"
@@ -208,7 +237,7 @@ def test_ending_a_session_needs_a_reason_and_is_written_down(client, drive):
     assert act(client, act="end", session=str(drive.session_id), text="again").status_code == 409
 
 
-def test_a_message_reaches_the_visitor_and_is_written_down(client, drive, monkeypatch):
+def test_a_message_reaches_the_visitor_and_is_recorded(client, drive, monkeypatch):
     sent = []
     monkeypatch.setattr(interventions, "send_notice", lambda *said: sent.append(said) or True)
     researcher = member("researcher")
@@ -229,7 +258,7 @@ def test_a_message_reaches_the_visitor_and_is_written_down(client, drive, monkey
     }
 
 
-def test_a_message_that_cannot_be_sent_is_said_to_be_so(client, drive, monkeypatch):
+def test_a_message_that_cannot_be_sent_is_reported(client, drive, monkeypatch):
     monkeypatch.setattr(interventions, "send_notice", lambda *_said: False)
     client.force_login(member("researcher"))
     response = act(client, act="message", session=str(drive.session_id), text="Hello?")
@@ -238,14 +267,14 @@ def test_a_message_that_cannot_be_sent_is_said_to_be_so(client, drive, monkeypat
     assert operators_acts() == []
 
 
-def test_a_held_robot_lets_its_driver_go_on_and_gives_nobody_else_a_turn(client, drive, robot):
+def test_a_paused_queue_lets_the_driver_continue_and_starts_no_other_drive(client, drive, robot):
     client.force_login(member("researcher"))
     assert act(client, act="hold", robot="giraff", text="a new carpet").status_code == 200
     assert Session.objects.get().state == "driving"
     assert store.pause_of(robot) == "held: a new carpet"
     store.end(str(drive.session_id), "completed", "", timezone.now())
     waiting = store.take(Robot.objects.get(), person("bob"), "peer", now=timezone.now())
-    assert isinstance(waiting, store.TakeQueued)
+    assert isinstance(waiting, store.Queued)
     assert waiting.reason == "held: a new carpet"
     assert act(client, act="release", robot="giraff").status_code == 200
     assert store.pause_of(robot) == ""

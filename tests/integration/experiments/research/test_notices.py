@@ -1,4 +1,4 @@
-"""Researchers are told when a robot of their study cannot go on."""
+"""Researchers get a mail when a robot of their study cannot go on."""
 
 import pytest
 from django.core import mail
@@ -41,7 +41,7 @@ def pauses(return_to_dock: ReturnToDock, seq: int) -> None:
     list(return_to_dock.tick({"giraff": heard}, NOW, NOW.timestamp()))
 
 
-def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_log(study):
+def test_owners_and_researchers_get_one_mail_for_each_pause(study):
     return_to_dock = ReturnToDock()
     pauses(return_to_dock, 1)
     RobotPresence.objects.update(turnaround="paused")
@@ -57,7 +57,7 @@ def test_owners_and_researchers_are_told_once_a_pause_and_the_reason_is_in_the_l
     assert len(mail.outbox) == 2
 
 
-def test_studies_that_are_not_open_or_drive_another_robot_are_not_told(study):
+def test_closed_studies_and_those_with_another_robot_get_no_mail(study):
     study.status = "closed"
     study.save()
     pauses(ReturnToDock(), 1)
@@ -68,7 +68,7 @@ def test_studies_that_are_not_open_or_drive_another_robot_are_not_told(study):
     assert mail.outbox == []
 
 
-def test_a_mail_server_that_is_away_stops_nobody(study, settings, caplog):
+def test_an_unreachable_mail_server_does_not_stop_the_manager(study, settings, caplog):
     settings.EMAIL_BACKEND = "django.core.mail.backends.smtp.EmailBackend"
     settings.EMAIL_HOST, settings.EMAIL_PORT = "127.0.0.1", 1
     pauses(ReturnToDock(), 1)
@@ -76,7 +76,7 @@ def test_a_mail_server_that_is_away_stops_nobody(study, settings, caplog):
     assert any(record.message.startswith("staff_not_notified") for record in caplog.records)
 
 
-def test_everything_listens_once_however_often_it_is_connected():
+def test_each_signal_has_one_receiver_however_often_it_is_connected():
     before = len(signals.state_received.receivers)
     signal_handlers.connect()
     assert len(signals.state_received.receivers) == before

@@ -28,7 +28,7 @@ pytestmark = pytest.mark.django_db
 @pytest.fixture
 def drive():
     """A minute that was driven in a study."""
-    # a name of three hexadecimal digits might stand in an address by chance
+    # a name of three hexadecimal digits might occur in an address by chance
     ada = person("ada", display_name="Ada L.")
     visit = replays.session(replays.cabin_robot(), ada, seconds=60)
     replays.record(visit)
@@ -45,7 +45,7 @@ def data_of(client, visit, **headers):
     return client.get(reverse("replay_data", args=[visit.pk]), headers=headers)
 
 
-def test_states_stand_at_the_seconds_after_the_grant_by_the_servers_clock(drive):
+def test_states_have_seconds_since_the_grant_by_the_servers_clock(drive):
     record = replay(drive.session, drive)
     assert record["duration"] == 60.0
     states = record["states"]
@@ -57,7 +57,7 @@ def test_states_stand_at_the_seconds_after_the_grant_by_the_servers_clock(drive)
     )
 
 
-def test_states_that_were_sent_again_later_stand_in_their_place(drive):
+def test_states_that_were_sent_again_later_are_in_order(drive):
     late = StateChunk.objects.order_by("first_seq")[10]
     StateChunk.objects.filter(pk=late.pk).update(received_at=late.received_at + 500.0)
     times = replay(drive.session, drive)["states"]["t"]
@@ -65,7 +65,7 @@ def test_states_that_were_sent_again_later_stand_in_their_place(drive):
     assert len(times) == 240
 
 
-def test_commands_stand_one_after_the_other_before_their_state(drive):
+def test_commands_come_one_after_the_other_before_their_state(drive):
     StateChunk.objects.all().delete()
     replays.record(drive.session, seconds=2, applied=5)
     record = replay(drive.session, drive)
@@ -78,7 +78,7 @@ def test_commands_stand_one_after_the_other_before_their_state(drive):
     ]
 
 
-def test_events_of_everybody_are_in_one_order_of_time(drive):
+def test_events_of_all_sources_are_in_one_order_of_time(drive):
     replays.told(drive.session, 20.0, "collision")
     replays.told(drive.session, 10.0, "map", source="page", open=True)
     replays.told(drive.session, -300.0, "offered", source="server")
@@ -93,7 +93,7 @@ def test_events_of_everybody_are_in_one_order_of_time(drive):
     assert events[2][3] == "number 1"
 
 
-def test_what_is_not_known_of_the_network_stays_unknown(drive):
+def test_unknown_values_of_the_network_stay_unknown(drive):
     NetworkSample.objects.filter(session=drive.session).update(
         data={"way": "mqtt", "roundTrip": None}
     )
@@ -134,11 +134,11 @@ def test_an_empty_session_has_an_empty_record():
         ({"actionId": "a1", "status": "FINISHED", "type": "goto"}, "finished · drive to a point"),
     ],
 )
-def test_what_is_known_of_an_event_is_told_in_words(data, told):
+def test_the_data_of_an_event_are_shown_in_words(data, told):
     assert in_words(data) == told
 
 
-def test_what_is_long_is_cut():
+def test_a_long_text_is_cut():
     assert len(in_words({"text": "x" * 500})) == 160
 
 
@@ -159,7 +159,7 @@ def events_of_the_site() -> set[str]:
     }
 
 
-def test_every_event_of_the_site_has_its_words():
+def test_every_event_type_of_the_site_has_a_text():
     words = (ROOT / "templates/experiments/research/_replay_words.html").read_text()
     names = events_of_the_site()
     assert {"lease_taken", "cue_shown", "offered", "link_lost"} <= names
@@ -176,7 +176,7 @@ def test_researchers_of_the_study_see_it(client, drive, role):
     assert len(data_of(client, drive.session).json()["states"]["t"]) == 240
 
 
-def test_the_readings_are_called_what_they_are(client, drive):
+def test_the_readings_have_plain_labels(client, drive):
     client.force_login(member("viewer"))
     page = read(client.get(reverse("replay", args=[drive.session.pk])))
     names = [one.text for one in page.all("dt")]
@@ -186,7 +186,7 @@ def test_the_readings_are_called_what_they_are(client, drive):
     assert called["reading-driven"] == "Speed"
 
 
-def test_others_find_nothing(client, drive):
+def test_other_users_find_no_replay(client, drive):
     addresses = [
         reverse("replay", args=[drive.session_id]),
         reverse("replay_data", args=[drive.session_id]),
@@ -220,13 +220,13 @@ def test_a_session_that_does_not_exist_is_not_found(client, admin_client):
     assert admin_client.get("/studies/replay/not-an-id/").status_code == 404
 
 
-def test_the_drive_of_who_has_withdrawn_is_gone_for_researchers(client, drive):
+def test_researchers_cannot_see_the_drive_of_a_withdrawn_participant(client, drive):
     Participant.objects.update(status="withdrawn")
     client.force_login(member("owner"))
     assert client.get(reverse("replay", args=[drive.session_id])).status_code == 404
 
 
-def test_viewers_see_no_photos_and_nobody_sees_a_visitors_name_in_a_study(client, drive):
+def test_viewers_see_no_photos_and_no_role_sees_a_visitors_name(client, drive):
     snapshot = replays.photo(drive.session, 30.0)
     address = reverse("replay_photo", args=[drive.session_id, snapshot.pk])
     client.force_login(member("viewer"))
@@ -250,7 +250,7 @@ def test_a_photo_of_another_session_is_not_given_out(client, drive):
     )
 
 
-def test_the_record_travels_compressed(client, drive):
+def test_the_record_is_sent_compressed(client, drive):
     client.force_login(member("viewer"))
     response = data_of(client, drive.session, **{"Accept-Encoding": "gzip"})
     assert response["Content-Encoding"] == "gzip"

@@ -3,9 +3,10 @@
 import pytest
 from django.contrib.admin.models import LogEntry
 from django.urls import reverse
+from django.utils import timezone
 
 from experiments import publishing
-from experiments.models import Drive, Participant, Rehearsal, StudyMember
+from experiments.models import Draw, Drive, Participant, Rehearsal, StudyMember
 from robots.models import Robot
 from sessions.models import Session
 from tests.integration.experiments.test_publishing import NOW
@@ -47,7 +48,8 @@ def drive():
         seed=1,
         granted_at=NOW,
         outcome="completed",
-        exposed=True,
+        exposed_at=NOW,
+        moved=True,
         mismatches=["assist"],
     )
 
@@ -75,14 +77,14 @@ def test_a_viewer_sees_codes_and_no_people(client, drive):
         assert [word for word in (NAME, "anna-b", PID) if word in text] == []
 
 
-def test_a_researcher_sees_who_it_is(client, drive):
+def test_a_researcher_sees_the_participants_name(client, drive):
     signed_in(client, "researcher")
     page = read(client.get(change(drive.participant)))
     assert NAME in page.text
     assert change(drive) in [e.attributes.get("href") for e in page.all("a")]
 
 
-def test_what_belongs_to_a_study_of_others_is_not_listed_shown_or_excluded(client, drive):
+def test_rows_of_other_studies_are_not_listed_shown_or_excluded(client, drive):
     signed_in(client, "owner", slug="another")
     for address in (reverse(PEOPLE), reverse(DRIVES)):
         assert drive.participant.code not in client.get(address).content.decode()
@@ -94,7 +96,92 @@ def test_what_belongs_to_a_study_of_others_is_not_listed_shown_or_excluded(clien
     ) == (404, 404)
 
 
-def test_a_rehearsal_tells_whether_it_is_of_the_definition_as_it_is_now(client, drive):
+def withdrawal(row) -> str:
+    return reverse("admin:experiments_participant_withdraw", args=[row.pk])
+
+
+def test_researcher_withdraws_a_participant_by_their_code_and_gets_the_receipt(client, drive):
+    signed_in(client, "researcher")
+    person_row = drive.participant
+    assert withdrawal(person_row) in [
+        e.attributes.get("href") for e in read(client.get(change(person_row))).all("a")
+    ]
+    answer = client.post(withdrawal(person_row), {"code": "WRONG"})
+    assert (answer.status_code, Drive.objects.count()) == (422, 1)
+    assert "This is not the participant's code." in read(answer).text
+    page = read(client.post(withdrawal(person_row), {"code": person_row.code.lower()}))
+    assert "Drives: 1" in page.text
+    assert person_row.code in page.text
+    (row,) = Participant.objects.filter(status="withdrawn")
+    assert (row.user, row.recruitment) == (None, {})
+    assert client.get(withdrawal(row)).status_code == 404
+
+
+def test_withdrawing_is_for_researchers_and_owners_alone(client, drive):
+    signed_in(client, "viewer")
+    assert client.get(withdrawal(drive.participant)).status_code == 404
+    assert client.post(withdrawal(drive.participant), {"code": "x"}).status_code == 404
+    assert "Withdraw and delete data" not in read(client.get(change(drive.participant))).text
+
+
+def test_participants_page_shows_every_draw(client, drive):
+    signed_in(client, "viewer")
+    study = drive.participant.study
+    about = {"study": study, "participant": drive.participant, "kind": "participant"}
+    Draw.objects.create(
+        **about, number=1, nth=1, reason="first", cell="all_open", counts={"shut": 2}, at=NOW
+    )
+    Draw.objects.create(**about, number=2, nth=2, reason="again", cell="shut", seed=77, at=NOW)
+    text = read(client.get(change(drive.participant))).text
+    assert "all_open: first assignment; places taken: shut 2" in text
+    assert "shut: assigned again" in text
+    assert "seed 77" in text
+
+
+def test_the_page_of_a_drive_has_units_and_times_instead_of_stored_numbers(client, drive):
+    began = NOW.timestamp()
+    Drive.objects.update(
+        result={
+            "outcome": "completed",
+            "started": began,
+            "ended": began + 727.46,
+            "checkpoints": [began + 95.2, began + 301.0],
+            "photo": "kept",
+            "doors": ["lab-door"],
+            "doors_missed": [],
+            "dock_contacts": 1,
+        },
+        assigned={"condition": {"robot": "giraff", "speed": {"linear": 0.3, "angular": 0.5236}}},
+        applied={"linear": 0.4, "angular": 0.187, "methods": ["keyboard"], "doors_closed": []},
+        began_with={"docked": True, "x": 1.4, "y": 6.2, "theta": 1.5708, "charge": 0.9349},
+        ended_with={"docked": False, "x": None, "y": None, "theta": None, "charge": None},
+    )
+    signed_in(client, "viewer")
+    page = read(client.get(change(drive)))
+    shown = "\n".join(e.text for e in page.all("li"))
+    for text in (
+        timezone.localtime(NOW).strftime("Task started: %Y-%m-%d %H:%M:%S %Z"),
+        "Checkpoints passed after: 1:35 min, 5:01 min",
+        "Doors driven through: lab-door",
+        "Speed limits · Speed (m/s): 0.3",
+        "Speed limits · Turning speed (°/s): 30",
+        "Highest speed: 0.40 m/s",
+        "Highest turning speed: 11°/s",
+        "at the start · Battery charge: 93 %",
+        "at the start · Direction: 90°",
+        "at the start · Docked: yes",
+        "at the end · Docked: no",
+    ):
+        assert text in shown
+    assert timezone.localtime(NOW).strftime("Granted: %Y-%m-%d %H:%M:%S %Z") in page.text
+    assert "Round: 1 Session number: 1" in page.text
+    assert "e+09" not in shown
+    assert f"{began:.0f}" not in shown
+    assert drive.participant.code in page.all("h2")[0].text
+    assert str(drive.participant_id) not in page.all("h2")[0].text
+
+
+def test_a_rehearsal_shows_whether_it_is_of_the_current_definition(client, drive):
     signed_in(client, "viewer")
     study = drive.participant.study
     row = Rehearsal.objects.create(
@@ -146,7 +233,7 @@ def test_nothing_is_added_changed_or_deleted_by_hand(client, drive):
         ({"excluded": "yes"}, False),
         ({"participant__kind__exact": "participant"}, True),
         ({"participant__kind__exact": "bot"}, False),
-        ({"exposed__exact": "1"}, True),
+        ({"moved__exact": "1"}, True),
         ({"study": "nonsense"}, False),
     ],
 )
@@ -203,7 +290,7 @@ def test_participants_and_studies_are_filtered(client, drive):
         ), query
 
 
-def test_a_drive_is_excluded_and_taken_back_with_reasons_that_are_noted(client, drive):
+def test_a_drive_is_excluded_and_included_again_with_reasons_on_record(client, drive):
     user = signed_in(client, "researcher")
     assert "Exclude" in read(client.get(change(drive))).text
     client.post(exclude(drive), {"exclude": "1", "reason": "The camera was covered."})

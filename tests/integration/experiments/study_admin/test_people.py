@@ -2,14 +2,16 @@
 
 import csv
 import io
+import re
 from urllib.parse import unquote
 
 import pytest
 from django.contrib.admin.models import LogEntry
+from django.core import mail as mail_box
 from django.urls import reverse
 
 from experiments import publishing
-from experiments.models import PersonalLink, Study, StudyMember
+from experiments.models import PersonalLink, ResearcherInvitation, Study, StudyMember
 from experiments.participation import links
 from experiments.study_admin import opening_hours
 from tests.integration.experiments.test_publishing import NOW
@@ -59,8 +61,8 @@ def test_an_owner_adds_researchers_changes_their_role_and_removes_them(client, s
 @pytest.mark.parametrize(
     ("name", "told"),
     [
-        ("nobody", "User not found."),
-        ("visitor", "has no access to the administration"),
+        ("nobody", "User not found. Enter an e-mail address"),
+        ("visitor", "no e-mail address for an invitation"),
         ("", "required"),
     ],
 )
@@ -106,7 +108,7 @@ def made(client, study, **fields) -> list[dict[str, str]]:
     return list(csv.DictReader(io.StringIO(file)))
 
 
-def test_links_are_in_the_file_once_and_lead_in(client, study, owner):
+def test_links_are_in_the_file_once_and_enrol_participants(client, study, owner):
     rows = made(client, study, days="7")
     assert [row["label"] for row in rows] == ["Class A 1", "Class A 2", "Class A 3"]
     assert all(
@@ -131,7 +133,7 @@ def test_a_label_is_no_formula_of_a_spreadsheet(client, study, owner):
     ("field", "value"),
     [("count", "0"), ("count", "501"), ("count", "many"), ("days", "-1"), ("access", "everything")],
 )
-def test_links_that_make_no_sense_are_not_made(client, study, owner, field, value):
+def test_links_with_invalid_values_are_not_made(client, study, owner, field, value):
     answer = client.post(
         at("links", study), {"make": "1", "count": "3", "access": "open", field: value}
     )
@@ -211,7 +213,7 @@ def test_all_days_empty_means_always_open(client, study, owner):
 
 
 @pytest.mark.parametrize("text", ["whenever", "9", "9-", "25:00-26:00", "09:70-10:00", "٩-١٠"])
-def test_hours_that_are_none_are_told_at_their_day(client, study, owner, text):
+def test_invalid_hours_show_an_error_at_their_day(client, study, owner, text):
     answer = client.post(at("hours", study), {"time_zone": "UTC", "day_2": text})
     assert answer.status_code == 200
     assert read(answer).all("ul")
@@ -223,10 +225,102 @@ def test_a_made_up_time_zone_is_refused(client, study, owner):
     assert Study.objects.get().time_zone == "UTC"
 
 
-def test_what_is_written_comes_back():
+def test_hours_survive_writing_and_reading():
     hours = [
         {"days": [0, 2], "start": "09:00", "end": "17:00"},
         {"days": [6], "start": "22:00", "end": "02:00"},
     ]
-    assert opening_hours.from_days(opening_hours.told_by_day(hours)) == hours
+    assert opening_hours.from_days(opening_hours.lines_by_day(hours).values()) == hours
     assert opening_hours.summary(hours, "UTC") == "Mon, Wed 09:00-17:00; Sun 22:00-02:00 (UTC)"
+
+
+# --- invitations ----------------------------------------------------------------------------------
+
+
+def invited(client, study, email="nora@example.org", role="researcher") -> str:
+    """Invite somebody, and return the path of the link in the e-mail."""
+    client.post(at("members", study), {"add": "1", "person": email, "role": role})
+    (mail,) = mail_box.outbox
+    assert mail.to == [email]
+    mail_box.outbox.clear()
+    return re.search(r"http://testserver(\S+)", mail.body)[1]
+
+
+def test_a_person_without_an_account_is_invited_and_becomes_a_researcher(client, study, owner):
+    link = invited(client, study)
+    assert "nora@example.org" in read(client.get(at("members", study))).text
+    client.logout()
+    page = client.get(link)
+    assert "becomes a researcher" not in read(page).text
+    links = [a.attributes["href"] for a in read(page).all("a")]
+    assert any(reverse("account_signup") in address for address in links)
+    assert client.post(link).status_code == 404
+    nora = person("nora", email="nora@example.org")
+    client.force_login(nora)
+    assert "becomes a researcher" in read(client.get(link)).text
+    answer = client.post(link)
+    assert answer.headers["Location"] == at("change", study)
+    assert roles()["nora"] == "researcher"
+    nora.refresh_from_db()
+    assert nora.is_staff
+    assert client.get(at("change", study)).status_code == 200
+    assert client.post(link).status_code == 410, "the link works once"
+
+
+def test_hidden_operators_and_coders_get_no_access_to_the_administration(client, study, owner):
+    link = invited(client, study, role="coder")
+    coder = person("carl")
+    client.force_login(coder)
+    assert client.post(link).headers["Location"] == reverse("study_coding", args=[study.slug])
+    coder.refresh_from_db()
+    assert not coder.is_staff
+
+
+def test_invitations_expire_and_are_cancelled(client, study, owner):
+    link = invited(client, study)
+    ResearcherInvitation.objects.update(expires_at=NOW)
+    assert client.get(link).status_code == 410
+    client.post(at("members", study), {"cancel": "nora@example.org"})
+    assert not ResearcherInvitation.objects.exists()
+    assert client.get(link).status_code == 410
+
+
+def test_new_invitation_of_the_same_address_ends_the_earlier_one(client, study, owner):
+    first, second = invited(client, study), invited(client, study, role="viewer")
+    assert client.get(first).status_code == 410
+    assert client.get(second).status_code == 200
+
+
+def test_accepting_an_invitation_takes_no_rights_from_an_owner(client, study, owner):
+    link = invited(client, study, role="viewer")
+    client.post(link)
+    assert roles() == {"olga": "owner"}
+
+
+def test_invitations_end_with_their_study(client, study, owner):
+    link = invited(client, study)
+    study.delete()
+    assert not ResearcherInvitation.objects.exists()
+    assert client.get(link).status_code == 410
+
+
+def test_only_owners_invite(client, study, owner):
+    viewer = person("vera", is_staff=True)
+    StudyMember.objects.create(slug=study.slug, user=viewer, role="viewer")
+    client.force_login(viewer)
+    sent = {"add": "1", "person": "nora@example.org", "role": "owner"}
+    assert client.post(at("members", study), sent).status_code == 404
+    assert not mail_box.outbox
+
+
+def test_invited_people_may_sign_up_where_sign_up_is_closed(client, study, owner, settings):
+    settings.SIGNUP_OPEN = False
+    link = invited(client, study)
+    client.logout()
+    assert not asks_for_name(client.get(reverse("account_signup")))
+    client.get(link)
+    assert asks_for_name(client.get(reverse("account_signup")))
+
+
+def asks_for_name(response) -> bool:
+    return any(e.attributes.get("name") == "username" for e in read(response).all("input"))

@@ -19,14 +19,12 @@ from tests.support.studies.studies import small_study
 
 pytestmark = pytest.mark.django_db
 FILLED = {
-    "form-TOTAL_FORMS": "2",
-    "form-INITIAL_FORMS": "0",
-    "form-0-name": "Carberry, Josiah",
-    "form-0-orcid": "https://orcid.org/0000-0002-1825-0097",
-    "form-0-affiliation": "Brown University",
-    "form-1-name": "",
-    "form-1-orcid": "",
-    "form-1-affiliation": "",
+    "authors.0": "",
+    "authors.0.name": "Carberry, Josiah",
+    "authors.0.orcid": "https://orcid.org/0000-0002-1825-0097",
+    "authors.0.affiliation": "Brown University",
+    "authors.1": "",
+    "authors.1.name": "",
     "license": "CC-BY-4.0",
     "funder": "NSF 1",
     "preregistration": "https://osf.io/abcde",
@@ -55,7 +53,7 @@ def kept(study):
     return from_stored(Study.objects.get(pk=study.pk).publication)
 
 
-def test_an_owner_writes_them_and_an_export_says_them(client, study, page, tmp_path):
+def test_publication_details_of_an_owner_are_in_the_export(client, study, page, tmp_path):
     assert client.post(page, FILLED).status_code == 302
     assert kept(study).keywords == ("robots", "telepresence")
     assert kept(study).doi == "10.5281/zenodo.1234567"
@@ -71,14 +69,14 @@ def test_an_owner_writes_them_and_an_export_says_them(client, study, page, tmp_p
 @pytest.mark.parametrize(
     ("field", "value", "problem"),
     [
-        ("form-0-orcid", "0000-0002-1825-0098", "check digit"),
-        ("form-0-name", "", "Enter the name of this author."),
+        ("authors.0.orcid", "0000-0002-1825-0098", "check digit"),
+        ("authors.0.name", "", "Enter the name of this author."),
         ("doi", "zenodo.12", "is not a DOI"),
         ("preregistration", "osf.io/abcde", "Enter an address"),
-        ("license", "WTFPL", "valid choice"),
+        ("license", "WTFPL", "Choose one of the licences."),
     ],
 )
-def test_a_problem_is_told_at_its_field_and_nothing_is_kept(
+def test_an_error_is_shown_at_its_field_and_nothing_is_stored(
     client, study, page, field, value, problem
 ):
     told = read(client.post(page, FILLED | {field: value}))
@@ -86,7 +84,7 @@ def test_a_problem_is_told_at_its_field_and_nothing_is_kept(
     assert kept(study).authors == ()
 
 
-def test_an_export_says_what_is_not_filled_in(client, study, page, tmp_path):
+def test_an_export_lists_missing_publication_details(client, study, page, tmp_path):
     told = io.StringIO()
     call_command("export_study", study.slug, out=tmp_path / "e", stdout=io.StringIO(), stderr=told)
     assert "authors, license, funder" in told.getvalue()
@@ -96,7 +94,7 @@ def test_an_export_says_what_is_not_filled_in(client, study, page, tmp_path):
     assert page in shown
 
 
-def test_viewers_see_them_and_change_nothing(client, study, page):
+def test_viewers_see_publication_details_and_cannot_change_them(client, study, page):
     viewer = person("vera", is_staff=True)
     StudyMember.objects.create(slug=study.slug, user=viewer, role="viewer")
     client.force_login(viewer)

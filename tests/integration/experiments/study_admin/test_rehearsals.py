@@ -2,6 +2,7 @@
 
 import datetime
 import json
+from dataclasses import asdict
 
 import pytest
 from django.urls import reverse
@@ -10,8 +11,7 @@ from django.utils import timezone
 from experiments import publishing
 from experiments.models import Rehearsal, StudyMember
 from experiments.rehearsal import runs
-from experiments.rehearsal.issues import Issue
-from experiments.rehearsal.report import ConditionReport, RehearsalReport, StepReport
+from experiments.rehearsal.report import ConditionReport, Issue, RehearsalReport, StepReport
 from tests.support.browsers.html_page import faults, read
 from tests.support.people import person
 from tests.support.studies.studies import small_study
@@ -67,7 +67,7 @@ def page_text(client, row) -> str:
     return page.text
 
 
-def test_an_owner_starts_a_rehearsal_and_whoever_presses_again_is_led_to_it(client, owner, study):
+def test_an_owner_starts_a_rehearsal_and_a_second_request_leads_to_it(client, owner, study):
     for page in ("study_change", "study_publish"):
         text = read(client.get(at(page, study))).text
         assert "8 bots take part in a copy of the site, in every condition (2)" in text
@@ -96,7 +96,7 @@ def test_a_viewer_follows_a_rehearsal_and_neither_starts_nor_ends_one(client, st
     assert runs.is_live(Rehearsal.objects.get(), timezone.now())
 
 
-def test_the_page_tells_how_far_it_is(client, owner, study):
+def test_the_page_shows_the_progress_of_a_rehearsal(client, owner, study):
     row = running(study)
     assert "Preparing a copy of the site on lab." in page_text(client, row)
     progress = {"conditions": 1, "of_conditions": 2, "bots": 3, "of_bots": 8}
@@ -109,7 +109,7 @@ def test_the_page_tells_how_far_it_is(client, owner, study):
     assert "Evaluating" in client.get(at("rehearsal_state", row)).json()["text"]
 
 
-def test_somebody_ends_it_and_is_named(client, owner, study):
+def test_a_user_ends_a_rehearsal_and_is_named(client, owner, study):
     row = running(study)
     client.post(at("rehearsal_end", row))
     assert f"Ended by {owner.shown_name} before it was finished." in page_text(client, row)
@@ -123,7 +123,9 @@ def test_somebody_ends_it_and_is_named(client, owner, study):
         ({"status": "failed", "reason": "Its process ended: it was ended by SIGKILL."}, "SIGKILL"),
     ],
 )
-def test_one_that_failed_says_why_and_another_can_be_started(client, owner, study, changes, said):
+def test_a_failed_rehearsal_shows_its_reason_and_another_can_be_started(
+    client, owner, study, changes, said
+):
     row = running(study, **changes)
     text = page_text(client, row)
     assert "Failed: " in text
@@ -157,10 +159,10 @@ def test_a_report_is_read_by_condition_with_the_pages_of_the_builder(client, own
     assert "A participant needs about 4.4 minutes." in page.text
     assert "a difference of 0.5 standard deviations: 128" in page.text
     assert "This rehearsal is of the study as it is now." in page.text
-    assert json.loads(client.get(at("rehearsal_report", row)).content) == REPORT.as_data()
+    assert json.loads(client.get(at("rehearsal_report", row)).content) == asdict(REPORT)
 
 
-def test_a_report_of_before_issues_were_kept_is_read_too(client, owner, study):
+def test_an_old_report_without_issues_is_readable(client, owner, study):
     row = running(study, report={"problems": ["Condition shut: slow."], "notes": ["Hm."]})
     Rehearsal.objects.filter(pk=row.pk).update(status="done", finished_at=timezone.now())
     text = page_text(client, row)

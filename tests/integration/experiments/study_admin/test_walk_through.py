@@ -80,7 +80,7 @@ def test_the_frame_offers_every_language_and_the_width_of_a_phone(client):
     assert read(client.get(frame(study, language="xx", width="wall"))).all("iframe")
 
 
-def test_it_is_reached_from_where_the_study_is_built(client):
+def test_the_builder_links_to_the_walk_through(client):
     study = publishing.store(p.of("exploration"), timezone.now())
     researcher(client, study)
     whole = reverse("admin:experiments_study_walk_through", args=[study.pk])
@@ -92,7 +92,7 @@ def test_it_is_reached_from_where_the_study_is_built(client):
     assert current[:2] == ["Builder", "Walk through"]
 
 
-def test_it_shows_what_one_condition_sees_and_goes_on_in_it(client):
+def test_a_walk_through_of_one_condition_stays_in_it(client):
     steps = p.msgspec.to_builtins(p.of("exploration"))["steps"]
     pages = next(one for one in steps if one["kind"] == "instructions")["leaves"]
     pages[0]["conditions"] = ["giraff_open"]
@@ -154,7 +154,7 @@ def test_an_unfinished_draft_can_be_walked_through_as_far_as_it_goes(client):
 
 
 @pytest.mark.parametrize(("number", "language"), [(0, "en"), (99, "en"), (1, "xx")])
-def test_what_the_study_does_not_have_is_not_found(client, number, language):
+def test_steps_and_languages_that_a_study_lacks_are_not_found(client, number, language):
     study = publishing.store(small_study(), NOW)
     researcher(client, study)
     assert client.get(step(study, number, language)).status_code == 404

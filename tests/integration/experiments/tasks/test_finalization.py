@@ -10,15 +10,14 @@ import pytest
 from django.db import connection
 from django.utils import timezone
 
-from experiments.dataset.build import dataset_of
+from experiments.extraction.build import dataset_of
 from experiments.models import Drive, Participant, TaskEvent
-from experiments.participation.layout import track_of
-from experiments.rehearsal.replay_check import discrepancies
+from experiments.rehearsal.findings import discrepancies
 from experiments.tasks import finalization
 from experiments.tasks.engine import TaskEngine
 from experiments.tasks.finalization import Settler, settle
 from experiments.tasks.records import FirstFrame, PhotoAnswer, PhotoFailed, PhotoTaken, Record, Seen
-from experiments.tasks.stored_records import stored
+from experiments.tasks.stored_records import stored, track_of
 from robots.api import messages as m
 from robots.models import Robot, RobotPresence
 from sessions import system_log
@@ -66,7 +65,7 @@ def settled(drive: Drive) -> Drive:
     return Drive.objects.select_related("participant", "session").get(pk=drive.pk)
 
 
-def told(drive: Drive) -> list[tuple]:
+def task_events(drive: Drive) -> list[tuple]:
     rows = TaskEvent.objects.filter(drive=drive).exclude(type="cue").order_by("number")
     return [(row.type, row.data.get("name", row.data.get("number"))) for row in rows]
 
@@ -76,7 +75,7 @@ def test_the_record_of_a_whole_task_gives_events_result_and_outcome(robot):
     records = whole(timezone.now().timestamp())
     write(drive, records)
     drive = settled(close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5))
-    assert told(drive) == [
+    assert task_events(drive) == [
         ("task_started", None),
         ("left_station", 0),
         ("checkpoint", 1),
@@ -92,7 +91,7 @@ def test_the_record_of_a_whole_task_gives_events_result_and_outcome(robot):
         ("docked", 0),
         ("task_ended", "completed"),
     ]
-    assert (drive.outcome, drive.exposed, drive.clock_offset) == ("completed", True, AHEAD)
+    assert (drive.outcome, drive.moved, drive.clock_offset) == ("completed", True, AHEAD)
     assert (drive.result["photo"], drive.result["doors"], len(drive.result["checkpoints"])) == (
         "kept",
         ["door"],
@@ -149,7 +148,7 @@ def test_a_lost_connection_ends_the_task_when_it_was_lost_and_names_the_side(rob
     note_page_closed(str(key), 1001, timezone.now())
     closed = close(drive, outcome="connection_lost", reason="visitor_silent", at=lost + 120.0)
     drive = settled(closed)
-    assert told(drive)[-1] == ("task_ended", "connection_lost")
+    assert task_events(drive)[-1] == ("task_ended", "connection_lost")
     assert drive.result["ended"] == pytest.approx(lost, abs=0.001)
     (session,) = dataset_of(drive.participant.study).sessions
     assert session.ended == pytest.approx(lost - drive.granted_at.timestamp(), abs=0.001)
@@ -161,7 +160,7 @@ def test_a_lost_connection_ends_the_task_when_it_was_lost_and_names_the_side(rob
     )
     (session,) = dataset_of(drive.participant.study).sessions
     assert (session.fault_side, session.fault_part) == ("platform", "session_manager")
-    assert session.ruled_out == "platform fault: session manager away"
+    assert session.fault == "platform fault: session manager away"
 
 
 def test_settling_again_changes_nothing_and_late_states_change_what_they_must(robot):
@@ -184,7 +183,7 @@ def test_settling_again_changes_nothing_and_late_states_change_what_they_must(ro
     Session.objects.update(closed_at=timezone.now() + datetime.timedelta(minutes=5))
     assert list(finalization.due()) == [drive]
     assert settled(close(drive, at=records[-1].at + 300.0)).outcome == "completed"
-    assert told(drive)[-1] == ("task_ended", "completed")
+    assert task_events(drive)[-1] == ("task_ended", "completed")
 
 
 def test_a_visitor_who_leaves_in_the_middle_has_cancelled_the_task(robot):
@@ -198,18 +197,18 @@ def test_a_visitor_who_leaves_in_the_middle_has_cancelled_the_task(robot):
         ],
     )
     drive = settled(close(drive, outcome="completed", reason="left", at=records[-1].at + 1.0))
-    assert (drive.outcome, drive.exposed, drive.participant.stage) == ("cancelled", True, "filled")
-    assert told(drive)[-1] == ("task_ended", "cancelled")
+    assert (drive.outcome, drive.moved, drive.participant.stage) == ("cancelled", True, "filled")
+    assert task_events(drive)[-1] == ("task_ended", "cancelled")
 
 
 def test_a_task_whose_time_is_over_is_timed_out_at_its_limit(robot):
     drive = begin(robot)
     start = timezone.now().timestamp()
-    way = task_drives.Drive(at=start, frame=False).say(FirstFrame(start, "1.5")).go(SECOND)
-    while way.at < start + 301.0:
-        way.see()
-    write(drive, way.records)
-    drive = settled(close(drive, outcome="timed_out", reason="task", at=way.at))
+    route = task_drives.Drive(at=start, frame=False).say(FirstFrame(start, "1.5")).go(SECOND)
+    while route.at < start + 301.0:
+        route.see()
+    write(drive, route.records)
+    drive = settled(close(drive, outcome="timed_out", reason="task", at=route.at))
     assert drive.outcome == "timed_out"
     assert drive.result["ended"] == pytest.approx(start + 300.0)
 
@@ -217,7 +216,7 @@ def test_a_task_whose_time_is_over_is_timed_out_at_its_limit(robot):
 # --- the place in the cell ------------------------------------------------------------------------
 
 
-def test_who_left_before_anything_moved_gives_the_place_back(robot):
+def test_participant_whose_page_showed_no_frame_gives_the_place_back(robot):
     drive = begin(robot)
     still = [
         Seen(
@@ -229,7 +228,7 @@ def test_who_left_before_anything_moved_gives_the_place_back(robot):
     drive = settled(
         close(drive, outcome="connection_refused", reason="never_connected", at=still[-1].at)
     )
-    assert (drive.outcome, drive.exposed, drive.participant.stage, drive.mismatches) == (
+    assert (drive.outcome, drive.moved, drive.participant.stage, drive.mismatches) == (
         "connection_refused",
         False,
         "freed",
@@ -237,13 +236,13 @@ def test_who_left_before_anything_moved_gives_the_place_back(robot):
     )
 
 
-def test_who_has_read_what_only_their_condition_says_keeps_the_place(robot):
+def test_a_reader_of_texts_of_one_condition_keeps_the_place(robot):
     page = {"text": {"en": "Mind the door."}, "conditions": ["all_open"]}
     read = {"kind": "instructions", "key": "read", "title": {"en": "Read"}, "leaves": [page]}
     drive = begin(robot, steps=[*STUDY["steps"], read])
     at = timezone.now().timestamp()
     drive = settled(close(drive, outcome="connection_refused", reason="never_connected", at=at))
-    assert (drive.exposed, drive.participant.stage) == (False, "under_way")
+    assert (drive.moved, drive.participant.stage) == (False, "under_way")
 
 
 @pytest.mark.parametrize(
@@ -260,10 +259,10 @@ def test_whatever_comes_after_the_first_velocity_fills_the_place(robot, outcome)
         ],
     )
     drive = settled(close(drive, outcome=outcome, reason="x", at=now + 1.0))
-    assert (drive.outcome, drive.exposed, drive.participant.stage) == (outcome, True, "filled")
+    assert (drive.outcome, drive.moved, drive.participant.stage) == (outcome, True, "filled")
 
 
-def test_where_states_are_lost_for_good_nobody_is_taken_for_untouched(robot):
+def test_lost_states_count_as_motion_of_the_robot(robot):
     drive = begin(robot)
     drive = settled(
         close(
@@ -274,7 +273,7 @@ def test_where_states_are_lost_for_good_nobody_is_taken_for_untouched(robot):
             missing=12,
         )
     )
-    assert (drive.exposed, drive.participant.stage) == (True, "filled")
+    assert (drive.moved, drive.participant.stage) == (True, "filled")
 
 
 def test_a_technical_failure_is_given_to_another_only_as_often_as_the_frozen_rule_says(robot):
@@ -303,7 +302,7 @@ def test_a_practice_drive_fills_nothing_and_is_never_taken_for_the_task(robot):
     now = timezone.now().timestamp()
     write(drive, [Seen(now, "boot", 0, 0.5, 2.0, 3.1), Seen(now + 0.25, "boot", 1, 0.6, 2.0, 3.1)])
     drive = settled(close(drive, outcome="robot_fault", reason="robot_offline", at=now + 1.0))
-    assert (drive.outcome, drive.result, drive.exposed, drive.participant.stage) == (
+    assert (drive.outcome, drive.result, drive.moved, drive.participant.stage) == (
         "robot_fault",
         {},
         True,
@@ -315,7 +314,9 @@ def test_a_practice_drive_fills_nothing_and_is_never_taken_for_the_task(robot):
 def test_a_second_visit_frees_and_refills_nothing(robot):
     drive = begin(robot, refill={"outcomes": ["robot_fault"], "most": 5})
     Participant.objects.update(stage="filled")
-    Drive.objects.filter(pk=drive.pk).update(exposed=True, settled_at=timezone.now())
+    Drive.objects.filter(pk=drive.pk).update(
+        moved=True, exposed_at=timezone.now(), settled_at=timezone.now()
+    )
     store.end(str(drive.session_id), "completed", "task", timezone.now())
     RobotPresence.objects.update(turnaround="ready")
     Participant.objects.update(visit=2)
@@ -335,7 +336,7 @@ def test_a_second_visit_frees_and_refills_nothing(robot):
 # --- what was in force ----------------------------------------------------------------------------
 
 
-def test_what_was_not_as_assigned_is_named(robot):
+def test_differences_from_the_assignment_are_named(robot):
     drive = begin(robot)
     records = whole(timezone.now().timestamp())
     write(drive, records)
@@ -393,11 +394,11 @@ def driven_over(robot, *, reported: bool) -> Drive:
                 m.LabReport(lab=fixed.control_network, taken=9, lost=1),
                 m.LabReport(lab=fixed.video_network, overflowed=4),
             )
-            told = {
+            networks = {
                 "controlNetwork": msgspec.to_builtins(control),
                 "videoNetwork": msgspec.to_builtins(video),
             }
-            chunk.states = [state | told for state in chunk.states]
+            chunk.states = [state | networks for state in chunk.states]
             chunk.save()
     return settled(close(drive, outcome="completed", reason="task", at=records[-1].at + 0.5))
 

@@ -1,5 +1,5 @@
 """Living drives: what the page is shown, when the session ends, and that a runner that is killed is
-missed by nobody.
+missed by no page.
 """
 
 import datetime
@@ -47,7 +47,7 @@ def robot():
 
 
 def shown() -> list[protocol.Task]:
-    """What the page was told since the last call, as its frames."""
+    """The tasks that the page received since the last call."""
     return notices.drain()
 
 
@@ -55,7 +55,7 @@ def at(seconds: float) -> datetime.datetime:
     return datetime.datetime.fromtimestamp(seconds, datetime.UTC)
 
 
-def way(start: float) -> task_drives.Drive:
+def started_drive(start: float) -> task_drives.Drive:
     drive = task_drives.Drive(at=start, frame=False)
     return drive.say(FirstFrame(drive.at, repr(drive.at - 3600.0)))
 
@@ -66,7 +66,7 @@ def hear(runner: Runner, drive: Drive, records: list[Record], **more) -> None:
 
 
 def whole(start: float) -> list[Record]:
-    drive = way(start).go(*THERE)
+    drive = started_drive(start).go(*THERE)
     drive.say(PhotoFailed(drive.at, "a1")).see()
     drive.say(PhotoTaken(drive.at, "a2")).see()
     drive.say(PhotoAnswer(drive.at, repr(drive.at), "keep")).see()
@@ -99,7 +99,7 @@ def test_the_page_is_shown_how_the_task_goes_and_docking_ends_the_session(robot)
     assert Drive.objects.get().clock_offset == AHEAD
 
 
-def test_what_is_written_while_it_runs_is_what_the_record_gives(robot):
+def test_events_of_a_live_task_equal_those_of_the_record(robot):
     drive, runner = begin(robot), Runner()
     records = whole(timezone.now().timestamp())
     hear(runner, drive, records)
@@ -113,7 +113,7 @@ def test_what_is_written_while_it_runs_is_what_the_record_gives(robot):
 def test_a_frame_is_sent_only_when_something_has_changed(robot):
     drive, runner = begin(robot), Runner()
     start = timezone.now().timestamp()
-    hear(runner, drive, way(start).records)
+    hear(runner, drive, started_drive(start).records)
     count = len(shown())
     hear(
         runner,
@@ -129,9 +129,7 @@ def test_a_frame_is_sent_only_when_something_has_changed(robot):
 
 
 @pytest.mark.parametrize("refuses", ["bulk_create", "update"])
-def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(
-    robot, monkeypatch, refuses
-):
+def test_refused_writes_are_repeated_and_published_at_the_next_tick(robot, monkeypatch, refuses):
     drive, runner = begin(robot), Runner()
     records = whole(timezone.now().timestamp())
     half = len(records) // 2
@@ -146,10 +144,10 @@ def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(
         for record in records[half:-1]:
             with suppress(OperationalError):
                 hear(runner, drive, [record])
-    assert {frame.cue for frame in shown()} <= {before[-1]}, "told again, and nothing new"
+    assert {frame.cue for frame in shown()} <= {before[-1]}, "repeated without changes"
     runner.tick(now=at(records[-2].at))
     (frame,) = shown()
-    assert frame.cue not in before, "nothing more is heard, and the page is told all the same"
+    assert frame.cue not in before, "published although no message follows"
     hear(runner, drive, records[-1:])
     assert shown()[-1].cue == "completed"
     write(drive, records)
@@ -164,7 +162,7 @@ def test_what_the_database_would_not_take_is_written_and_told_at_the_next_look(
 def test_the_time_limit_ends_the_session_though_nothing_comes_any_more(robot):
     drive, runner = begin(robot), Runner()
     start = timezone.now().timestamp()
-    hear(runner, drive, way(start).records)
+    hear(runner, drive, started_drive(start).records)
     limit = 300.0 + start + 0.25
     runner.tick(now=at(limit + PATIENCE - 0.2))
     assert Session.objects.get().state == "driving"
@@ -178,7 +176,7 @@ def test_the_time_limit_ends_the_session_though_nothing_comes_any_more(robot):
 def test_docking_at_the_last_moment_counts_though_the_state_comes_late(robot):
     drive, runner = begin(robot), Runner()
     start = timezone.now().timestamp()
-    hear(runner, drive, way(start).go(*THERE, *BACK).records)
+    hear(runner, drive, started_drive(start).go(*THERE, *BACK).records)
     limit = 300.0 + start + 0.25
     rests = [
         Seen(limit - 2.1 + n / 4, "boot", 4000 + n, 0.5, 2.0, 3.1, contact=True) for n in range(8)
@@ -197,8 +195,8 @@ def test_docking_at_the_last_moment_counts_though_the_state_comes_late(robot):
 def test_a_page_that_has_missed_a_notice_is_told_again_within_ten_seconds(robot):
     drive, runner = begin(robot), Runner()
     start = timezone.now().timestamp()
-    hear(runner, drive, way(start).records)
-    cue = shown()[-1].cue  # and the page has not heard of it
+    hear(runner, drive, started_drive(start).records)
+    cue = shown()[-1].cue  # and the page did not receive it
     for second in range(40, 75):
         runner.tick(now=at(start + second))
     again = [one.cue for one in shown()]
@@ -206,10 +204,10 @@ def test_a_page_that_has_missed_a_notice_is_told_again_within_ten_seconds(robot)
     assert 3 <= len(again) <= 4
 
 
-def test_what_is_left_is_told_in_the_last_minutes_and_now_and_then_again(robot):
+def test_the_time_left_is_published_in_the_last_minutes_and_repeated(robot):
     drive, runner = begin(robot), Runner()
     start = timezone.now().timestamp()
-    hear(runner, drive, way(start).records)
+    hear(runner, drive, started_drive(start).records)
     shown()
     for second in range(170, 230):
         runner.tick(now=at(start + second))
@@ -228,7 +226,7 @@ def test_a_session_manager_that_was_killed_in_mid_task_is_followed_by_one_that_g
     second = Runner()
     second.tick(now=at(records[half].at))
     assert [one.cue for one in shown()] == []  # the page knows all of it
-    hear(second, drive, records[half - 3 :])  # what the broker had not been told is delivered
+    hear(second, drive, records[half - 3 :])  # the broker delivers what was not acknowledged
     assert Session.objects.get().outcome == "completed"
     assert before > 0
     types = list(TaskEvent.objects.order_by("number").values_list("type", flat=True))
@@ -236,7 +234,7 @@ def test_a_session_manager_that_was_killed_in_mid_task_is_followed_by_one_that_g
     assert types.count("task_started") == types.count("docked") == 1
 
 
-def test_what_the_one_that_was_killed_had_heard_and_not_stored_is_made_up_for_when_it_is_sent_again(
+def test_messages_that_a_killed_process_lost_count_when_they_are_sent_again(
     robot,
 ):
     """Without the states around the first checkpoint the visitor would be sent back to it."""
@@ -257,7 +255,7 @@ def test_what_the_one_that_was_killed_had_heard_and_not_stored_is_made_up_for_wh
 def test_a_time_limit_that_passed_while_no_session_manager_ran_is_applied_by_the_next(robot):
     drive = begin(robot)
     start = timezone.now().timestamp()
-    write(drive, way(start).go(FIRST).records)
+    write(drive, started_drive(start).go(FIRST).records)
     Runner().tick(now=at(start + 400.0))
     assert Session.objects.get().outcome == "timed_out"
 
@@ -298,7 +296,7 @@ def test_a_practice_drive_ends_after_its_minutes(robot):
     ]
     drive, runner = begin(robot, steps=steps), Runner()
     start = timezone.now().timestamp()
-    hear(runner, drive, way(start).go(FIRST).records)
+    hear(runner, drive, started_drive(start).go(FIRST).records)
     assert [one.cue for one in shown()] == ["practice"]
     runner.tick(now=at(start + 80.0))
     assert [one.remaining for one in shown()] == [pytest.approx(40.2, abs=0.2)]
@@ -328,17 +326,17 @@ def test_a_session_that_ends_otherwise_gives_its_outcome_at_once_and_loses_nothi
 ):
     """The page gone, the robot gone, the visitor gone, an operator, a turn."""
     drive, runner = begin(robot), Runner()
-    records = way(timezone.now().timestamp()).go(FIRST).records
+    records = started_drive(timezone.now().timestamp()).go(FIRST).records
     hear(runner, drive, records)
     store.end(str(drive.session_id), outcome, reason, at(records[-1].at + 1.0))
     Session.objects.update(first_motion_at=timezone.now())
     runner.on_end(session=Session.objects.get())
-    told = Drive.objects.get()
-    assert (told.outcome, told.exposed, told.settled_at) == (task, True, None)
+    stored = Drive.objects.get()
+    assert (stored.outcome, stored.moved, stored.settled_at) == (task, True, None)
     write(drive, records)
     settle(close(drive, at=records[-1].at + 2.0), timezone.now())
-    told = Drive.objects.get()
-    assert (told.outcome, told.exposed, told.participant.stage) == (task, True, "filled")
+    stored = Drive.objects.get()
+    assert (stored.outcome, stored.moved, stored.participant.stage) == (task, True, "filled")
 
 
 def test_the_runner_settles_what_is_over_beside_what_lives(robot):

@@ -7,30 +7,36 @@ import asyncio
 import msgspec
 import pytest
 from asgiref.sync import sync_to_async
+from channels.layers import get_channel_layer
+from django.urls import reverse
 from django.utils import timezone
 
-from experiments.dataset.build import release_of
-from experiments.dataset.events import events_of
-from experiments.dataset.selection import Selection
+from experiments import publishing
+from experiments.extraction.build import release_of
+from experiments.extraction.events import events_of
+from experiments.extraction.selection import Selection
 from experiments.models import Drive, Participant, StudyMember
-from experiments.participation.own_data import gather
+from experiments.participation.own_data.gathering import gather
 from experiments.research import live
 from robots.api import messages as m
 from robots.bridge import bridge as mqtt_bridge
 from robots.models import Robot
+from sessions import page_channel
 from sessions import protocol as pages
 from sessions.leases.store import change_lease
 from sessions.models import Lease, SessionEvent
 from sessions.wizard import protocol
 from sessions.wizard.leases import note
+from tests.integration.experiments.test_publishing import NOW
 from tests.support import words
+from tests.support.browsers.html_page import read
 from tests.support.browsers.pages import SECONDS, Page, until
 from tests.support.browsers.wizard_console import Console
 from tests.support.patience import patient
 from tests.support.people import person
 from tests.support.sessions.memory_bridge import MemoryBridge
 from tests.support.studies import participants as p
-from tests.support.studies.studies import STUDY
+from tests.support.studies.studies import STUDY, small_study
 from tests.support.studies.study_site import ALL, cabin_with_giraff
 from tests.support.studies.wizard_study import OPERATOR_TEXT, wizard_study
 
@@ -187,7 +193,7 @@ async def test_a_console_that_is_gone_stops_the_robot_and_this_is_told(
         assert (stop.role, stop.session, stop.seq) == ("driver", granted.session, 7)
         await until(lambda: bridge.leases[-1][1].driver is None)
         await recorded("wizard_lost")
-        (drive,) = (await sync_to_async(live.now_in)(study.slug, "en", timezone.now()))["drives"]
+        (drive,) = (await sync_to_async(live.now_in)(study.slug, timezone.now()))["drives"]
         assert drive["wizard"]["status"] == "lost"
         # the participant's session goes on, and the next operator drives
         assert not page.told("session/ended")
@@ -259,6 +265,26 @@ async def test_nobody_but_an_operator_opens_the_socket(bridge, study, participan
     assert await console.closed() == pages.NOT_ALLOWED
 
 
+@sockets
+@pytest.mark.parametrize("loss", ["another role", "no role"])
+async def test_an_operator_who_loses_the_role_leaves_at_once(
+    bridge, operator, participant, study, loss
+):
+    member = await StudyMember.objects.aget(slug=study.slug, user=operator)
+    async with Page("giraff", participant.user) as page, Console("giraff", operator) as console:
+        await page.take()
+        await console.operate()
+        group = page_channel.visitor_group(operator.pk)
+        await until(lambda: get_channel_layer().groups.get(group))
+        if loss == "no role":
+            await member.adelete()
+        else:
+            member.role = StudyMember.Role.VIEWER
+            await member.asave()
+        async with asyncio.timeout(patient(SECONDS)):
+            assert await console.closed() == pages.NOT_ALLOWED
+
+
 def test_the_debriefing_tells_of_the_operator_and_of_the_way_out(client, participant):
     participant.step, participant.conditions = "thanks", ["all_open"]
     participant.save()
@@ -268,7 +294,7 @@ def test_the_debriefing_tells_of_the_operator_and_of_the_way_out(client, partici
     assert f"/taking-part/{participant.code}/withdraw/" in page
 
 
-def test_ones_own_data_tells_of_the_operator_after_the_debriefing_and_never_who_it_was(
+def test_own_data_names_the_operator_role_after_the_debriefing_and_never_the_person(
     robot, participant, operator
 ):
     session = p.drive_of(robot, p.assign(participant, "zeta_all_open")).session
@@ -290,3 +316,15 @@ def test_a_lease_that_moves_to_another_session_forgets_its_operator(robot):
     assert change_lease(robot, 3, session=None, peer="", now=timezone.now())
     lease = Lease.objects.get()
     assert (lease.wizard_peer, lease.wizard_epoch) == ("", 5)
+
+
+def test_page_of_a_study_without_hidden_operator_says_so(client):
+    plain = publishing.store(small_study(slug="plain"), NOW)
+    owner = person("olga", is_staff=True)
+    StudyMember.objects.create(slug=plain.slug, user=owner, role=StudyMember.Role.OWNER)
+    client.force_login(owner)
+    page = read(client.get(f"/studies/{plain.slug}/wizard/"))
+    assert "This study has no hidden operator" in page.text
+    build = reverse("admin:experiments_study_section", args=[plain.pk, "wizard"])
+    assert build in [a.attributes.get("href") for a in page.all("a")]
+    assert client.get("/studies/nothing/wizard/").status_code == 404

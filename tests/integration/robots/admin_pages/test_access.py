@@ -263,7 +263,7 @@ def test_an_owner_acts_on_no_robot_of_others_whatever_is_sent(client, owner, rob
     }
 
 
-def test_whoever_may_change_robots_acts_on_all_of_them(client, robot):
+def test_users_with_permission_to_change_robots_act_on_all_of_them(client, robot):
     operator = person("operator", is_staff=True)
     operator.user_permissions.add(Permission.objects.get(codename="change_robot"))
     client.force_login(operator)

@@ -126,7 +126,7 @@ def test_saving_twice_without_a_change_changes_nothing(client, row):
 
 
 @pytest.mark.parametrize("kind", ["place", "dock", "checkpoint", "opening"])
-def test_what_is_added_is_shown_and_not_stored_before_it_is_saved(client, row, kind):
+def test_an_added_part_is_shown_but_not_stored_before_it_is_saved(client, row, kind):
     before, plan = fields(client.get(page_of(row))), row.plan
     response = send(client, row, kind, at_x="2.0", at_y="3.0")
     after = fields(response)
@@ -145,7 +145,7 @@ def test_checkpoints_are_added_one_after_another_and_saved(client, row):
     assert numbers == [0, 1, 2]
 
 
-def test_what_cannot_be_is_said_and_not_stored_and_the_work_is_kept(client, row):
+def test_an_impossible_plan_is_reported_and_kept_on_the_page_but_not_stored(client, row):
     before = row.plan
     for action in ("check", "save"):
         response = send(
@@ -180,7 +180,7 @@ def test_an_unknown_action_stores_nothing(client, row):
     assert row.plan == before
 
 
-def test_who_may_only_look_cannot_come_here(client, row):
+def test_an_owner_who_may_only_view_the_plan_cannot_open_the_page(client, row):
     owner = person("owner", is_staff=True)
     Robot.objects.create(name="r1", title="R", owner=owner, floor_plan=row)
     client.force_login(owner)

@@ -98,7 +98,14 @@ def test_a_robot_that_is_added_is_hidden_and_its_page_says_how_to_connect_it(cli
 
 def test_adding_a_robot_asks_for_nothing_that_only_the_robot_can_tell(client, boss):
     text = client.get(ADD).content.decode()
-    for field in ("online_now", "battery", "docked", "driver", "shown_to_visitors", "told_state"):
+    for field in (
+        "online_now",
+        "battery",
+        "docked",
+        "driver",
+        "shown_to_visitors",
+        "reported_state",
+    ):
         assert f"field-{field}" not in text
     assert "field-title" in text
     assert "field-adapter" in text
@@ -190,7 +197,7 @@ def test_a_command_with_a_token_is_shown_once_and_the_page_is_saved_as_ever(clie
     assert "run_robot giraff" in overview(client, robot)
 
 
-def test_somebody_who_only_looks_gets_no_command_to_make(client, robot):
+def test_a_user_who_may_only_view_the_robot_gets_no_command(client, robot):
     client.force_login(viewer := person("viewer", is_staff=True))
     viewer.user_permissions.add(Permission.objects.get(codename="view_robot"))
     assert "Create the command" not in overview(client, robot)

@@ -252,7 +252,7 @@ def test_an_estop_is_let_go_of_by_whoever_stands_beside_the_robot(broker, tmp_pa
         assert not ear.wait("state").safety.estop
 
 
-def test_what_cannot_work_ends_with_a_sentence(broker, tmp_path, capsys):
+def test_wrong_settings_end_with_a_sentence(broker, tmp_path, capsys):
     def refuse(_config):
         raise AdapterError("no such profile")
 

@@ -134,7 +134,7 @@ def test_sonars_stop_a_driver_before_a_wall_and_a_bumper_says_which_side_was_tou
     assert onlooker.truth().contacts == 0
     assert rig.link.all("state")[-1].clearance < 0.3
     rig.lease(renewal=1, assist="off", ttl=60.0)
-    for _ in range(2):  # and once more: what was touched lets go, and is touched again
+    for _ in range(2):  # and once more: the contact ends, and begins again
         before = len(rig.link.all("event"))
         rig.drive(
             0.2,

@@ -1,4 +1,4 @@
-"""What an agent is told, and the one sentence it says when that is not enough."""
+"""An agent's settings, and the one sentence when they are not enough."""
 
 import argparse
 import random
@@ -158,7 +158,7 @@ def test_networks_are_written_in_milliseconds_percent_and_kbit_a_second():
         (["giraff", "--credentials", "/nowhere.toml"], "cannot be read"),
     ],
 )
-def test_what_is_missing_is_said_in_one_sentence(tmp_path, arguments, sentence):
+def test_missing_setting_is_reported_in_one_sentence(tmp_path, arguments, sentence):
     with pytest.raises(ConfigError, match=sentence) as error:
         told(*arguments, "--var", str(tmp_path))
     assert "\n" not in str(error.value)
@@ -318,7 +318,7 @@ def test_a_server_that_is_away_is_asked_until_the_agent_is_to_end():
         ((200, {"robot": "giraff", "mqttUrls": "mqtt://x"}), "names no usable broker"),
     ],
 )
-def test_what_asking_again_cannot_mend_ends_the_agent_with_a_sentence(answer, sentence):
+def test_permanent_refusal_ends_the_agent_with_a_sentence(answer, sentence):
     with AgentServer(answer) as server, pytest.raises(ConfigError, match=sentence):
         ask(server)
 

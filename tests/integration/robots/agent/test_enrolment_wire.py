@@ -15,7 +15,7 @@ GOOD = {"robot": "giraff", "user": "giraff.1", "token": "fresh"}
 
 
 class Server(http.server.ThreadingHTTPServer):
-    """Answers every request with what stands in `answer`, and keeps what it was asked."""
+    """Answers every request with `answer`, and keeps the requests."""
 
     answer: tuple[int, bytes] = (200, b"")
 
@@ -43,7 +43,7 @@ class Answering(http.server.BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def log_message(self, *_args: object) -> None:
-        """Say nothing."""
+        """Log no request."""
 
 
 @pytest.fixture

@@ -1,5 +1,5 @@
-"""The web process's bridge on real brokers: relay both ways, reconnection, and what is never
-replayed.
+"""The web process's bridge on real brokers: relay both ways, reconnection, and no replay of old
+messages.
 """
 
 import asyncio
@@ -15,7 +15,7 @@ import pytest
 from robots.api import codec, picture, topics
 from robots.api import messages as m
 from robots.api.idle import WATCHER
-from robots.bridge.bridge import REPORTS_FLYING, STOP_SECONDS, Bridge
+from robots.bridge.bridge import REPORTS_IN_FLIGHT, STOP_SECONDS, Bridge
 from robots.bridge.delivery import FAULTS, LINK, NOTICE
 from robots.bridge.failover import Failover
 from tests.support import words
@@ -36,7 +36,7 @@ class Ear:
     def handle_message(self, inbound):
         self.inbound_messages.append(inbound)
 
-    def heard(self, suffix):
+    def received(self, suffix):
         return [inbound.message for inbound in self.inbound_messages if inbound.suffix == suffix]
 
 
@@ -61,8 +61,8 @@ async def bridge_of(rig, seed=1):
 
 @contextlib.asynccontextmanager
 async def robot_of(rig):
-    """The robot's side: `got` are the (suffix, message, retained) of its inputs, but for `beats`,
-    by which the bridge says that somebody needs it.
+    """The robot's side: `got` are the (suffix, message, retained) of its inputs, except for
+    `beats`, which the bridge sends while a page is open.
     """
     async with rig.client("giraff") as client:
         client.got, client.beats = [], []
@@ -95,7 +95,7 @@ async def robot_of(rig):
 async def listen(bridge, *ears):
     """Have ears listen to the robot, and wait until the broker knows."""
     known = [bridge.listen("giraff", ear) for ear in ears].pop()
-    await until(lambda: not bridge._flying)
+    await until(lambda: not bridge._in_flight)
     return known
 
 
@@ -122,13 +122,13 @@ async def test_a_subscription_that_the_broker_refuses_for_a_moment_is_asked_for_
         for seq in range(1, 200):
             await say(robot, "state", words.state(seq=seq))
             await asyncio.sleep(0.1)
-            if ear.heard("state"):
+            if ear.received("state"):
                 break
-        assert ear.heard("state")
+        assert ear.received("state")
         assert refusals == 0
 
 
-async def test_what_a_robot_says_is_brought_to_whoever_listens_and_what_is_said_to_it_arrives(rig):
+async def test_messages_of_a_robot_reach_listeners_and_messages_to_it_arrive(rig):
     async with bridge_of(rig) as bridge, robot_of(rig) as robot:
         ear = Ear()
         known = await listen(bridge, ear)
@@ -136,7 +136,7 @@ async def test_what_a_robot_says_is_brought_to_whoever_listens_and_what_is_said_
         await until(lambda: known.online)
         await say(robot, "state", words.state(seq=1))
         await say(robot, "signal/p1/reply", m.SdpAnswer(sdp="v=0"))
-        await until(lambda: ear.heard("state") and ear.heard("signal/p1/reply"))
+        await until(lambda: ear.received("state") and ear.received("signal/p1/reply"))
         assert bridge.send("giraff", "command/velocity", words.velocity())
         assert bridge.send("giraff", "signal/p1", m.Bye(reason="left"))
         assert bridge.publish_lease("giraff", LEASE)
@@ -173,17 +173,17 @@ async def test_a_robot_that_nobody_listens_to_costs_nothing(rig):
         one, two = Ear(), Ear()
         await listen(bridge, one, two)
         await say(robot, "state", words.state(seq=1))
-        await until(lambda: one.heard("state") and two.heard("state"))
+        await until(lambda: one.received("state") and two.received("state"))
         bridge.ignore("giraff", one)
         await say(robot, "state", words.state(seq=2))
-        await until(lambda: len(two.heard("state")) == 2)
+        await until(lambda: len(two.received("state")) == 2)
         bridge.ignore("giraff", two)
-        await until(lambda: not bridge._flying)
+        await until(lambda: not bridge._in_flight)
         await say(robot, "state", words.state(seq=3))
         await listen(bridge, one)
         await say(robot, "state", words.state(seq=4))
-        await until(lambda: one.heard("state") and one.heard("state")[-1].seq == 4)
-        assert [state.seq for state in one.heard("state")] == [1, 4]
+        await until(lambda: one.received("state") and one.received("state")[-1].seq == 4)
+        assert [state.seq for state in one.received("state")] == [1, 4]
         assert bridge.counts["arrived"] == 3
 
 
@@ -194,12 +194,12 @@ async def test_news_of_a_session_go_to_its_followers_in_every_web_process(rig):
         there.follow("s1", two)
         there.follow("s2", other)
         here.publish_notice("s1", "session/turn_warning\n{}")
-        await until(lambda: one.heard(NOTICE) and two.heard(NOTICE))
+        await until(lambda: one.received(NOTICE) and two.received(NOTICE))
         there.unfollow("s1", two)
         here.publish_notice("s1", "session/ended\n{}")
         here.publish_notice("s2", "session/ended\n{}")
-        await until(lambda: other.heard(NOTICE) and len(one.heard(NOTICE)) == 2)
-        assert len(two.heard(NOTICE)) == 1
+        await until(lambda: other.received(NOTICE) and len(one.received(NOTICE)) == 2)
+        assert len(two.received(NOTICE)) == 1
 
 
 async def test_a_bad_message_is_counted_and_the_next_one_is_brought(rig):
@@ -217,8 +217,8 @@ async def test_a_bad_message_is_counted_and_the_next_one_is_brought(rig):
         ):
             await robot.publish("telepresence/v1/giraff/state", payload, qos=1)
         await say(robot, "state", words.state(seq=2))
-        await until(lambda: ear.heard("state"))
-        assert ear.heard("state")[0].seq == 2
+        await until(lambda: ear.received("state"))
+        assert ear.received("state")[0].seq == 2
         assert bridge.counts["malformed"] == 6
         assert bridge.counts["oversized"] == 1
 
@@ -228,11 +228,11 @@ async def test_listeners_are_served_again_after_a_restart_of_the_broker(rig):
         ear = Ear()
         await listen(bridge, ear)
         await rig.restart()
-        await until(lambda: ear.heard(LINK) == [False, True])
+        await until(lambda: ear.received(LINK) == [False, True])
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot:
             await say(robot, "state", words.state(seq=9))
-            await until(lambda: ear.heard("state"))
+            await until(lambda: ear.received("state"))
 
 
 class Broken(Ear):
@@ -253,17 +253,17 @@ async def test_a_listener_that_raises_costs_the_others_nothing(rig):
             await say(robot, "state", words.state(seq=1))
             bridge.publish_notice("s1", "session/turn_warning\n{}")
             for ear in ears:
-                await until(lambda ear=ear: ear.heard("state"))
-            await until(lambda: ears[1].heard(NOTICE))
-        assert ears[1].heard(LINK) == [], "the connection was lost"
+                await until(lambda ear=ear: ear.received("state"))
+            await until(lambda: ears[1].received(NOTICE))
+        assert ears[1].received(LINK) == [], "the connection was lost"
         await rig.restart()
-        await until(lambda: ears[1].heard(LINK) == [False, True])
+        await until(lambda: ears[1].received(LINK) == [False, True])
         assert bridge.connected
         assert bridge.serves(asyncio.get_running_loop())
         await rig.until(lambda: rig.is_let_in("giraff"))
         async with robot_of(rig) as robot:
             await say(robot, "state", words.state(seq=2))
-            await until(lambda: [state.seq for state in ears[1].heard("state")] == [1, 2])
+            await until(lambda: [state.seq for state in ears[1].received("state")] == [1, 2])
 
 
 @pytest.mark.parametrize("where", ["arrive", "bring_everybody", "bring_faults", "beats_due"])
@@ -289,9 +289,9 @@ async def test_an_error_within_the_bridge_ends_neither_of_its_tasks(rig, monkeyp
         await until(lambda: bridge.connected)
         async with robot_of(rig) as again:
             await say(again, "state", words.state(seq=2))
-            await until(lambda: ear.heard("state") and ear.heard("state")[-1].seq == 2)
+            await until(lambda: ear.received("state") and ear.received("state")[-1].seq == 2)
             ear.inbound_messages.clear()
-            await until(lambda: ear.heard(FAULTS))
+            await until(lambda: ear.received(FAULTS))
 
 
 async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(rig):
@@ -299,7 +299,7 @@ async def test_commands_are_dropped_while_the_broker_is_away_and_never_replayed(
         ear = Ear()
         await listen(bridge, ear)
         await rig.stop()
-        await until(lambda: ear.heard(LINK) == [False])
+        await until(lambda: ear.received(LINK) == [False])
         assert not bridge.connected
         assert not bridge.send("giraff", "command/velocity", words.velocity(seq=1))
         assert not bridge.send("giraff", "command/action", m.Dock(action_id="d", stamp=1.0))
@@ -376,24 +376,22 @@ async def test_a_stop_that_could_not_be_said_is_said_again_while_the_connection_
         assert len(refused) == 2
 
 
-async def test_what_has_gathered_for_the_record_goes_in_parts_that_leave_room_for_a_stop(
-    rig, monkeypatch
-):
+async def test_queued_reports_are_sent_in_parts_that_leave_room_for_a_stop(rig, monkeypatch):
     async with bridge_of(rig) as bridge:
         waiting, most = asyncio.Event(), []
 
         async def confirms_late(_topic, _payload, **_options):
-            most.append(len(bridge._flying))
+            most.append(len(bridge._in_flight))
             await waiting.wait()
 
         monkeypatch.setattr(bridge._client, "publish", confirms_late)
-        for number in range(3 * REPORTS_FLYING):
+        for number in range(3 * REPORTS_IN_FLIGHT):
             bridge.report("telepresence/v1/server/page/s1", m.Bye(reason=f"{number}"))
         await asyncio.sleep(0.05)
-        assert len(bridge._flying) == REPORTS_FLYING
+        assert len(bridge._in_flight) == REPORTS_IN_FLIGHT
         waiting.set()
-        await until(lambda: len(most) == 3 * REPORTS_FLYING)
-        assert max(most) == REPORTS_FLYING
+        await until(lambda: len(most) == 3 * REPORTS_IN_FLIGHT)
+        assert max(most) == REPORTS_IN_FLIGHT
 
 
 async def test_a_stop_that_is_older_than_its_patience_is_not_sent(rig, monkeypatch):
@@ -433,7 +431,7 @@ async def test_a_broker_that_does_not_read_is_not_fed_without_a_bound(rig):
         ]
         assert sent.count(True) == 500
         assert bridge.counts["unsent"] == 100
-        await until(lambda: not bridge._flying)
+        await until(lambda: not bridge._in_flight)
         assert bridge.send("giraff", "command/action", m.Undock(action_id="again", stamp=1.0))
 
 
@@ -451,7 +449,7 @@ async def test_a_picture_reaches_listeners_whole_and_what_is_none_is_counted(rig
             topics.of("giraff", "picture"), picture.pack(1.0, jpeg[:3] + b"x" * 60_000 + jpeg[-2:])
         )
         await robot.publish(topics.of("giraff", "picture"), picture.pack(12.5, jpeg))
-        await until(lambda: ear.heard("picture"))
+        await until(lambda: ear.received("picture"))
         (inbound,) = [inbound for inbound in ear.inbound_messages if inbound.suffix == "picture"]
         assert inbound.frame == b"picture\n" + picture.pack(12.5, jpeg)
         assert bridge.counts["malformed"] == 1
@@ -468,13 +466,13 @@ async def test_dots_travel_both_ways_and_are_kept_for_nobody(rig):
         await listen(bridge, ear)
         assert bridge.send("giraff", "command/point", command)
         await say(robot, "pointer", dot, qos=0)
-        await until(lambda: ear.heard("pointer") and robot.got)
-        assert (ear.heard("pointer"), robot.got) == ([dot], [("command/point", command, False)])
+        await until(lambda: ear.received("pointer") and robot.got)
+        assert (ear.received("pointer"), robot.got) == ([dot], [("command/point", command, False)])
         later = Ear()
         async with bridge_of(rig, seed=2) as second, robot_of(rig) as returned:
             await listen(second, later)
             await say(robot, "state", words.state(seq=1))
             assert second.send("giraff", "signal/p1", m.Bye(reason="left"))
-            await until(lambda: later.heard("state") and returned.got)
-    assert later.heard("pointer") == []
+            await until(lambda: later.received("state") and returned.got)
+    assert later.received("pointer") == []
     assert [suffix for suffix, _, _ in returned.got] == ["signal/p1"]

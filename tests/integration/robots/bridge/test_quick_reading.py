@@ -49,8 +49,8 @@ async def test_everything_arrives_in_order_whatever_its_size(chunk):
 
 
 class Decrypted:
-    """As a TLS connection is: a record is decrypted as a whole, and what is left of it makes the
-    socket readable for nobody.
+    """Like a TLS connection, which decrypts a record as a whole: its unread rest does not make the
+    socket readable again.
     """
 
     def __init__(self, record: bytes) -> None:
@@ -60,7 +60,7 @@ class Decrypted:
         return len(self.left)
 
 
-async def test_what_is_left_of_a_tls_record_is_not_waited_for():
+async def test_the_rest_of_a_tls_record_is_read_at_once():
     ours = Decrypted(b"a" * 10_000)
     got = []
 

@@ -72,7 +72,7 @@ def test_a_slow_broker_gets_every_byte_in_order_and_one_that_takes_nothing_is_no
     )
 
 
-def test_what_cannot_be_sent_any_more_is_said_not_to_have_been_sent(pair):
+def test_publishing_on_a_closed_socket_returns_false(pair):
     ours, _ = pair
     writer = QuickWriter(Paho(), ours)
     assert writer.publish("t", b"1")
@@ -131,10 +131,10 @@ async def test_a_command_of_its_moment_does_not_wait_for_what_the_broker_has_yet
         assert await bridge.wait_connected(patient(10))
         bridge.publish_lease("giraff", lease(1.0))
         bridge.send("giraff", "command/velocity", velocity(1))
-        assert len(bridge._flying) == 2, "what was said before is not with the client yet"
+        assert len(bridge._in_flight) == 2, "what was said before is not with the client yet"
         await asyncio.sleep(0)
         bridge.send("giraff", "command/velocity", velocity(2))
-        assert len(bridge._flying) == 2, "neither is confirmed"
+        assert len(bridge._in_flight) == 2, "neither is confirmed"
         await asyncio.to_thread(ear.wait, "command/velocity", lambda command: command.seq == 2)
         await bridge.close()
     told = [

@@ -143,7 +143,7 @@ async def test_a_hand_is_lowered_by_whose_it_is(bridge, robot, people):
         await page.expect("audience", lambda audience: not audience.raised)
 
 
-async def test_what_a_web_process_of_another_version_says_of_the_board_harms_nothing(
+async def test_updates_of_a_web_process_of_another_version_are_ignored(
     bridge, robot, people, caplog
 ):
     ada, bob, _ = people
@@ -178,7 +178,7 @@ async def test_while_the_database_is_away_there_are_no_questions_and_afterwards_
         await driver.expect("audience", shows(**{"Why?": "waiting"}))
 
 
-async def test_nobody_says_more_than_they_may(bridge, robot, people):
+async def test_pages_are_limited_to_their_role(bridge, robot, people):
     ada, bob, eve = people
     async with Page("giraff", ada) as driver, Page("giraff", bob) as page, Page("giraff", eve) as g:
         await observe(page)
@@ -274,7 +274,7 @@ async def test_in_a_study_there_is_no_box(bridge, robot, people):
         async with Page("giraff", ada) as driver, Page("giraff", bob) as page:
             session = (await driver.take()).session
             await observe(page)
-            await until(lambda: audiences.audience_of("giraff", bridge)._looked == session)
+            await until(lambda: audiences.audience_of("giraff", bridge)._begun == session)
             await ask(page)
             assert (await page.expect("denied")).reason == "closed"
             assert not any(told.open for told in page.told("audience") + driver.told("audience"))

@@ -111,6 +111,20 @@ async def test_a_request_that_fails_is_denied_and_the_next_is_done(
         await page.take()
 
 
+async def test_a_request_that_was_done_is_not_denied_when_the_queue_cannot_be_read(
+    bridge, ada, monkeypatch
+):
+    async with Page("giraff", ada) as page:
+        await page.expect("hello")
+        monkeypatch.setattr(queries, "between_visits_at", raising(AWAY))
+        granted = await page.take()
+        await page.say("session/leave", protocol.Leave(session=granted.session))
+        await page.expect("session/ended")
+        await page.say("session/observe", protocol.Observe())  # done after the two
+        await page.expect("session/observing")
+        assert page.told("denied") == []
+
+
 @pytest.mark.parametrize("error", [AWAY, OURS])
 async def test_an_operators_request_that_fails_is_denied(bridge, ada, monkeypatch, error):
     clear = m.ClearEStop(action_id="c", stamp=1.0)

@@ -5,12 +5,14 @@ import time
 
 import pytest
 from asgiref.sync import sync_to_async
+from channels.layers import get_channel_layer
 from django.contrib.auth import get_user_model
 from django.db import OperationalError
 from django.utils import timezone
 
 from robots.api import messages as m
 from robots.models import Robot
+from sessions import page_channel
 from sessions import protocol as pages
 from sessions.consumers import robot_page
 from sessions.leases.terms import Terms
@@ -25,6 +27,7 @@ from tests.support.robots import create_robot
 from tests.support.studies.fixed_terms import provided
 
 pytestmark = pytest.mark.django_db(transaction=True)
+AT_ONCE = 5.0  # s; a page asks by itself once a minute
 STEPS = (
     ScriptStep(key="hello", title="Greet", text="Hello"),
     ScriptStep(key="home", title="Dock", action="dock"),
@@ -128,6 +131,22 @@ async def test_an_operator_who_lets_go_drives_no_more_and_may_press_that_twice(
     assert len(await events("wizard_left")) == 1
     for kind in ("wizard_step", "wizard_line", "wizard_reached", "wizard_lost"):
         assert await events(kind) == []
+
+
+async def test_an_operator_who_may_no_longer_operate_leaves_at_once(
+    bridge, ada, operator, provider
+):
+    async with Page("giraff", ada) as page, Console("giraff", operator) as console:
+        await page.take()
+        await console.operate()
+        group = page_channel.visitor_group(operator.pk)
+        await until(lambda: get_channel_layer().groups.get(group))
+        await sync_to_async(page_channel.check_pages)(group)
+        await console.settle(bridge)
+        provider.users.remove(operator.pk)
+        await sync_to_async(page_channel.check_pages)(group)
+        async with asyncio.timeout(patient(AT_ONCE)):
+            assert await console.closed() == pages.NOT_ALLOWED
 
 
 async def test_a_step_that_the_script_does_not_have_is_refused(bridge, ada, operator):

@@ -67,7 +67,7 @@ def test_a_page_that_was_never_closed_and_is_seen_no_more_had_its_web_process_ki
     absences = WebAbsences()
     for seconds in (1.0, 20.0, 30.0, 31.0, 90.0):
         look(absences, giraff, seconds)
-    look(WebAbsences(), giraff, 95.0)  # a session manager that was started meanwhile
+    look(WebAbsences(), giraff, 95.0)  # a session manager that has just started
     since = NOW.timestamp()
     assert noted(driven, "server_absent", "server_back") == [
         ("server_absent", {"part": WEB, "since": since})

@@ -74,7 +74,7 @@ def test_a_grant_names_everything_that_page_and_robot_need(giraff, ana):
     )
 
 
-def test_who_asked_before_the_robot_was_free_has_it_from_when_it_was(giraff, ana, ben):
+def test_a_request_from_before_the_release_is_granted_as_of_the_release(giraff, ana, ben):
     """A database that answers late must not make the record say that two had it."""
     first = store.take(giraff, ana, "peer-1", now=NOW)
     store.leave(first.session, peer="peer-1", now=after(10.123456))
@@ -186,7 +186,7 @@ def test_the_turn_is_limited_in_the_grant_when_others_wait(giraff, ana, ben):
 
 def test_an_offline_robot_is_refused_by_its_row(giraff, ana):
     giraff.presence.connection = "OFFLINE"
-    assert store.take(giraff, ana, "peer-1", now=NOW) == store.TakeRefused("offline")
+    assert store.take(giraff, ana, "peer-1", now=NOW) == store.Refused(reason="offline")
     assert not Session.objects.exists()
 
 
@@ -315,22 +315,22 @@ def test_robots_that_were_taken_together_are_renewed_apart_and_each_in_time(ana,
     for robot in robots:
         assert isinstance(store.take(robot, ana, f"peer-{robot.name}", now=NOW), store.TakeGranted)
     Session.objects.update(state="driving", driving_at=NOW, first_motion_at=NOW, seen_at=NOW)
-    keeper, told = Scheduler(), {robot.name: [] for robot in robots}
+    keeper, reasons = Scheduler(), {robot.name: [] for robot in robots}
     for look in range(21):
         seconds = look * 0.5
         while keeper.renew(after(seconds)):
-            for letter in keeper.outbox:
-                robot, suffix = topics.parse(letter.topic)
+            for outbound in keeper.outbox:
+                robot, suffix = topics.parse(outbound.topic)
                 assert suffix == "lease"
-                told[robot].append(seconds)
+                reasons[robot].append(seconds)
             keeper.outbox.clear()
-    assert all(at[0] == 0.0 for at in told.values())
+    assert all(at[0] == 0.0 for at in reasons.values())
     assert all(
         0.0 < later - at <= settings.LEASE_RENEWAL_SECONDS
-        for moments in told.values()
+        for moments in reasons.values()
         for at, later in pairwise(moments)
     )
-    assert len({tuple(moments) for moments in told.values()}) > 1, "all at once for ever"
+    assert len({tuple(moments) for moments in reasons.values()}) > 1, "all at once for ever"
 
 
 def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, ana):
@@ -344,7 +344,7 @@ def test_that_nobody_drives_is_told_before_the_news_of_what_has_ended(giraff, an
     assert keeper.renew(after(1))
     first, *others = keeper.outbox
     assert (first.topic, first.payload, first.retain) == (topics.of("giraff", "lease"), b"", True)
-    assert topics.session_notices(granted.session) in [letter.topic for letter in others]
+    assert topics.session_notices(granted.session) in [outbound.topic for outbound in others]
 
 
 def test_a_turn_has_an_end_while_somebody_waits_and_none_when_they_have_left(giraff, ana, ben):
@@ -410,7 +410,7 @@ def test_the_queue_is_offered_the_robot_in_order(giraff, ana, ben):
     assert tick(giraff, link, after(1)) == (
         Offered(session=queued.session, seconds=settings.START_SECONDS),
     )
-    assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.TakeQueued)
+    assert isinstance(store.take(giraff, ana, "peer-1", now=after(2)), store.Queued)
     store.seen({queued.session}, after(70))
     assert Ended(session=queued.session, outcome="cancelled", reason="turn_not_taken") in tick(
         giraff, link, after(70)
@@ -421,18 +421,21 @@ STOPPED = {"safety": {"estop": True, "estopSource": "screen:Giraff"}}
 FAULTY = {"safety": {"inhibited": "fault"}}
 LOST = {"safety": {"inhibited": "fault"}, "errors": ["adapter_lost: no answer"]}
 
+RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: the robot keeps moving"]}
+
 
 @pytest.mark.parametrize(
-    ("report", "reason"), [(STOPPED, "estop"), (FAULTY, "fault"), (LOST, "not_connected")]
+    ("report", "reason"),
+    [(STOPPED, "estop"), (FAULTY, "fault"), (LOST, "not_connected"), (RUNS_ON, "fault")],
 )
-def test_nobody_is_called_to_a_robot_that_nobody_can_drive_and_places_are_kept(
+def test_a_robot_that_cannot_drive_is_offered_to_none_and_places_are_kept(
     giraff, ana, ben, report, reason
 ):
     RobotPresence.objects.update(report=report)
     giraff.refresh_from_db()
     first = store.take(giraff, ana, "peer-1", now=NOW)
     second = store.take(giraff, ben, "peer-2", now=after(1))
-    assert [(told.place, told.reason) for told in (first, second)] == [
+    assert [(reasons.place, reasons.reason) for reasons in (first, second)] == [
         (1, f"paused: {reason}"),
         (2, f"paused: {reason}"),
     ]
@@ -445,23 +448,26 @@ def test_nobody_is_called_to_a_robot_that_nobody_can_drive_and_places_are_kept(
     assert (again.place, again.reason) == (1, f"paused: {reason}")
 
 
-def test_who_drives_a_robot_when_it_is_stopped_keeps_it_also_over_a_reload(giraff, ana):
+@pytest.mark.parametrize("report", [STOPPED, RUNS_ON])
+def test_a_driver_keeps_a_robot_that_cannot_drive_even_after_a_reload(giraff, ana, report):
     granted = store.take(giraff, ana, "peer-1", now=NOW)
-    RobotPresence.objects.update(report=STOPPED)
+    RobotPresence.objects.update(report=report)
+    link = RobotLink(since=NOW.timestamp(), last_received_at=NOW.timestamp())
+    assert tick(giraff, link, after(1)) == ()
     back = store.take(
         giraff, ana, "peer-2", session=granted.session, old_peer="peer-1", now=after(1)
     )
     assert isinstance(back, store.TakeGranted)
 
 
-def test_who_operates_a_stopped_robot_may_take_it_to_release_it(giraff, ana, ben):
+def test_an_operator_may_take_a_stopped_robot_to_release_it(giraff, ana, ben):
     update_robots(report=STOPPED, owner=ben)
     giraff.refresh_from_db()
     store.take(giraff, ana, "peer-1", now=NOW)
     assert isinstance(store.take(giraff, ben, "peer-2", now=after(1)), store.TakeGranted)
 
 
-# --- somebody else is quicker ---------------------------------------------------------------------
+# --- another process is quicker -------------------------------------------------------------------
 
 
 def meanwhile(monkeypatch, name, happens):
@@ -504,7 +510,7 @@ def test_two_tabs_that_queue_at_once_have_one_place(giraff, ana, ben, monkeypatc
 def test_of_two_visitors_who_ask_at_once_one_drives_and_one_waits(giraff, ana, ben, monkeypatch):
     meanwhile(monkeypatch, "load_scene", lambda: store.take(giraff, ana, "peer-1", now=NOW))
     taken = store.take(giraff, ben, "peer-2", now=NOW)
-    assert isinstance(taken, store.TakeQueued)
+    assert isinstance(taken, store.Queued)
     assert Lease.objects.get().peer == "peer-1"
 
 
@@ -534,8 +540,8 @@ def test_a_lease_that_changes_under_every_attempt_is_an_error(giraff, ana, monke
 def test_a_page_that_drives_no_more_chooses_no_assistance(giraff, ana):
     first = store.take(giraff, ana, "peer-1", now=NOW)
     assert store.set_assist(first.session, "slow", peer="peer-2") is None
-    hold, renewal = store.set_assist(first.session, "slow", peer="peer-1")
-    assert (hold.session, renewal) == (first.session, 1)
+    lease = store.set_assist(first.session, "slow", peer="peer-1")
+    assert (str(lease.session_id), lease.renewal) == (first.session, 1)
     Session.objects.update(state="ended")
     assert store.set_assist(first.session, "steer", peer="peer-1") is None
     assert Session.objects.get().assist == "slow"

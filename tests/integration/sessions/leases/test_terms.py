@@ -54,12 +54,12 @@ def provider():
 @pytest.fixture
 def giraff():
     # not NOW: between that and the test lie all tests before it
-    heard = timezone.now() + datetime.timedelta(hours=1)
+    calls = timezone.now() + datetime.timedelta(hours=1)
     return create_robot(
         name="giraff",
         title="Giraff",
         connection="ONLINE",
-        last_seen_at=heard,
+        last_seen_at=calls,
         max_linear=0.3,
         max_angular=0.5,
     )
@@ -101,9 +101,9 @@ def test_the_session_manager_renews_a_lease_with_its_terms(provider, giraff, ana
     keeper.begin()
     assert keeper.renew(after(1))
     leases = [
-        msgspec.json.decode(letter.payload, type=m.Lease)
-        for letter in keeper.outbox
-        if letter.topic.endswith("/lease") and letter.payload
+        msgspec.json.decode(outbound.payload, type=m.Lease)
+        for outbound in keeper.outbox
+        if outbound.topic.endswith("/lease") and outbound.payload
     ]
     assert [(lease.methods, lease.limits.linear) for lease in leases] == [(("keyboard",), 0.2)]
 
@@ -121,7 +121,7 @@ def test_a_free_visit_has_no_terms(provider, giraff, ana):
 
 def test_a_visit_that_must_not_begin_is_ended_and_says_why(provider, giraff, ana):
     provider.refusal = "full"
-    assert take(giraff, ana) == store.TakeRefused("full", str(Session.objects.get().pk))
+    assert take(giraff, ana) == store.Refused(reason="full", session=str(Session.objects.get().pk))
     row = Session.objects.get()
     assert (row.state, row.outcome, row.outcome_reason) == ("ended", "cancelled", "full")
     assert Lease.objects.get().session is None
@@ -146,7 +146,7 @@ def test_a_reason_against_a_visit_is_asked_for_before_but_whoever_drives_may_com
 
     granted = take(giraff, ana, "peer-ana")
     provider.reason = "closed"
-    assert ask(ben) == store.TakeRefused("closed")
+    assert ask(ben) == store.Refused(reason="closed")
     assert not Session.objects.filter(visitor=ben).exists()
     assert ask(ana).session == granted.session
 
@@ -230,21 +230,16 @@ def test_a_turn_of_the_terms_ends_only_when_somebody_waits(provider, giraff, ana
 def test_a_fixed_level_of_assistance_cannot_be_changed(provider, giraff, ana):
     provider.terms = STUDY
     session = take(giraff, ana).session
-    assert (
-        queries.choose_assist(giraff, ana, session, "steer", peer="peer-1", now=after(1)) == "fixed"
-    )
+    assert queries.choose_assist(session, "steer", peer="peer-1", now=after(1)) == "fixed"
     assert Session.objects.get().assist == ""
 
 
 def test_a_free_level_of_assistance_keeps_the_other_terms(provider, giraff, ana):
     provider.terms = terms.Terms(controllers=("keyboard",))
     session = take(giraff, ana).session
-    lease = queries.choose_assist(giraff, ana, session, "steer", peer="peer-1", now=after(1))
+    lease = queries.choose_assist(session, "steer", peer="peer-1", now=after(1))
     assert (lease.assist, lease.methods) == ("steer", ("keyboard",))
-    assert (
-        queries.choose_assist(giraff, ana, session, "off", peer="another", now=after(1))
-        == "not_driver"
-    )
+    assert queries.choose_assist(session, "off", peer="another", now=after(1)) == "not_driver"
 
 
 class TestFirstDrive:
@@ -259,7 +254,7 @@ class TestFirstDrive:
     def test_a_visitor_who_has_never_driven_is_helped_until_they_choose(self, giraff, ana):
         taken = take(giraff, ana)
         assert taken.lease.assist == "slow"
-        queries.choose_assist(giraff, ana, taken.session, "off", peer="peer-1", now=after(1))
+        queries.choose_assist(taken.session, "off", peer="peer-1", now=after(1))
         assert take(giraff, ana).lease.assist == "off"
 
     def test_a_visitor_who_has_driven_before_has_the_robots_own_level(self, giraff, ana):
@@ -272,7 +267,7 @@ class TestFirstDrive:
     def test_the_next_drive_begins_with_the_level_of_the_last(self, giraff, ana, chosen, next_time):
         session = take(giraff, ana).session
         if chosen:
-            queries.choose_assist(giraff, ana, session, chosen, peer="peer-1", now=after(1))
+            queries.choose_assist(session, chosen, peer="peer-1", now=after(1))
         Session.objects.update(first_motion_at=after(2))
         store.leave(session, peer="peer-1", now=after(9))
         Lease.objects.all().delete()
@@ -344,7 +339,7 @@ async def test_a_page_is_told_the_terms_and_where_the_task_stands_whenever_it_ta
     assert {lease.assist for _, lease in bridge.leases} == {"off"}
 
 
-def test_what_is_stored_of_a_task_is_a_notice_and_nonsense_is_none():
+def test_a_stored_task_becomes_a_notice_and_a_malformed_one_none():
     task = protocol.task_of("s1", {"cue": "dock_now", "passed": [1, 2], "remaining": 30.5}, 5.0)
     assert (task.stamp, task.passed, task.remaining, task.outcome) == (5.0, (1, 2), 30.5, "")
     assert protocol.task_of("s1", {"passed": "all"}, 5.0) is None

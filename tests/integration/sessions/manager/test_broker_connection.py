@@ -7,19 +7,22 @@ import time
 import pytest
 from aiomqtt import Message, Topic
 from django.db import OperationalError
+from django.utils import timezone
 
 from accounts.models import User
 from robots.api import codec, topics
 from robots.models import Robot, RobotPresence
 from robots.presence.writer import PresenceWriter
 from sessions.leases import store
+from sessions.leases.transitions import RobotLink
 from sessions.manager import broker_connection
 from sessions.manager.broker_connection import BrokerConnection, Work
 from sessions.manager.health import ManagerHealth
 from sessions.manager.ingest import Intake
 from sessions.manager.return_to_dock import ReturnToDock
 from sessions.manager.scheduler import Scheduler
-from sessions.models import Session, SessionEvent
+from sessions.models import Session, SessionEvent, SystemLog
+from sessions.recording.builder import LOGGED_RATE
 from sessions.shards import rows
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import CONFIRMED_ALONE_SECONDS, Ownership
@@ -36,7 +39,7 @@ class Kept(list):
 
 
 class Look:
-    """A connection without its client, whose clock stands still."""
+    """A connection without its client, and with a stopped clock."""
 
     def __init__(self):
         self.now, self.ownership = 1000.0, Ownership(lambda: self.now)
@@ -123,13 +126,45 @@ def test_presence_that_the_database_refused_is_stored_by_the_next_look(look, mon
     assert Robot.objects.get().presence.factsheet
 
 
+def test_news_that_is_repeated_uses_the_allowance_of_the_system_log_once(look, monkeypatch):
+    def away(*_, **__):
+        raise OperationalError("the database is away")
+
+    look.hear(words.online())
+    with monkeypatch.context() as patched:
+        patched.setattr(PresenceWriter, "write", away)
+        for _ in range(int(LOGGED_RATE[1]) + 1):
+            with pytest.raises(OperationalError):
+                look.tick()
+    look.tick()
+    assert [entry.event for entry in SystemLog.objects.all()] == ["robot_online"]
+
+
+def test_a_robot_gained_before_the_clock_was_set_back_is_missed_as_soon(look, giraff):
+    ana = User.objects.create(username="ana")
+    now = timezone.now()
+    look.hear(words.online())
+    look.tick()
+    giraff.refresh_from_db()
+    granted = store.take(giraff, ana, "p1", now=now)
+    look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
+    look.tick()
+    look.ownership.become(look.epochs)
+    scheduler, hour = look._work.scheduler, datetime.timedelta(hours=1)
+    scheduler.tick({}, RobotLink(since=now.timestamp()), now + hour)
+    for seconds in (0.0, 300.0):  # of a silent robot, after the step
+        at = now + datetime.timedelta(seconds=seconds)
+        scheduler.tick({}, RobotLink(since=now.timestamp()), at)
+    assert Session.objects.get(pk=granted.session).state == "ended"
+
+
 def test_the_presence_of_a_robot_that_is_anothers_by_now_is_left_to_its_owner(look):
     look.tick()
     look.hear(words.online())
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
     look.tick()
     assert connection_of_giraff() != "ONLINE"
-    RobotPresence.objects.update(connection="ONLINE", boot="b1")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="ONLINE", boot="b1")  # by its owner
     look.ownership.become(look.epochs)
     look.hear(words.broken())
     look.tick()
@@ -140,7 +175,7 @@ def test_a_row_is_read_anew_when_shards_changed_hands_while_there_was_no_connect
     look.hear(words.online())
     look.tick()
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner
     look.ownership.become(look.epochs)
     look.reconnect()
     look.hear(words.online())
@@ -154,7 +189,7 @@ def test_a_row_is_read_anew_although_the_database_was_away_when_shards_changed_h
     look.hear(words.online())
     look.tick()
     look.ownership.become({n: epoch for n, epoch in look.epochs.items() if n != GIRAFF})
-    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner meanwhile
+    RobotPresence.objects.update(connection="CONNECTIONBROKEN")  # by its owner
     look.ownership.become(look.epochs)
 
     def away(*_, **__):

@@ -1,4 +1,4 @@
-"""What each robot is told to be like, retained: by its row, and by the terms of whoever has it."""
+"""The retained settings of robots: from their rows, and from the terms of their sessions."""
 
 import contextlib
 import datetime
@@ -14,14 +14,14 @@ from robots.api import codec
 from robots.api.messages import NetworkLab
 from robots.models import FloorPlan, Robot, RobotPresence
 from sessions.leases import store, terms
-from sessions.manager.desired_state import LOOK_SECONDS, DesiredState
+from sessions.manager.desired_state import READ_ALL_SECONDS, DesiredState
 from sessions.models import Session
 from sessions.shards.hashing import shard_of
 from sessions.shards.ownership import Ownership
 
 pytestmark = pytest.mark.django_db
 NOW = timezone.now()
-LATER, LATEST = (NOW + datetime.timedelta(seconds=n * LOOK_SECONDS) for n in (1, 2))
+LATER, LATEST = (NOW + datetime.timedelta(seconds=n * READ_ALL_SECONDS) for n in (1, 2))
 
 
 @pytest.fixture
@@ -50,7 +50,7 @@ def giraff(office):
     )
 
 
-def said(outbound_messages):
+def published(outbound_messages):
     found = {
         outbound.topic.rpartition("/")[2]: codec.decode(
             outbound.topic.rpartition("/")[2], outbound.payload, "to_robot"
@@ -67,19 +67,19 @@ def look(orders, now):
 
 def test_a_robot_is_told_assistance_doors_and_map_once(giraff):
     orders = DesiredState()
-    first = said(look(orders, NOW))
+    first = published(look(orders, NOW))
     assert (first["config"].assist, first["config"].doors) == ("slow", {"lab-door": "closed"})
     assert first["floorplan"].map_id == "office"
     assert look(orders, NOW) == []
 
 
-def test_what_is_changed_in_the_administration_is_told_and_nothing_else(giraff, office):
+def test_only_changes_in_the_administration_are_published(giraff, office):
     orders = DesiredState()
     look(orders, NOW)
     Robot.objects.update(doors={"lab-door": "open"})
-    assert said(look(orders, LATER))["config"].doors == {"lab-door": "open"}
+    assert published(look(orders, LATER))["config"].doors == {"lab-door": "open"}
     FloorPlan.objects.update(plan={"docks": []})
-    assert list(said(look(orders, LATEST))) == ["floorplan"]
+    assert list(published(look(orders, LATEST))) == ["floorplan"]
 
 
 def test_a_robot_whose_map_has_just_been_made_is_told_it_when_maps_are_read_again(giraff, office):
@@ -91,15 +91,15 @@ def test_a_robot_whose_map_has_just_been_made_is_told_it_when_maps_are_read_agai
     copy.save(force_insert=True)
     Robot.objects.update(floor_plan=copy)
     look(orders, NOW)
-    assert said(look(orders, LATER))["floorplan"].map_id == "annexe"
+    assert published(look(orders, LATER))["floorplan"].map_id == "annexe"
 
 
 def test_a_robot_without_a_map_is_told_the_rest(giraff):
     Robot.objects.update(floor_plan=None)
-    assert list(said(look(DesiredState(), NOW))) == ["config"]
+    assert list(published(look(DesiredState(), NOW))) == ["config"]
 
 
-def visit(robot: Robot, **fixed) -> str:
+def begin_session(robot: Robot, **fixed) -> str:
     RobotPresence.objects.update(connection="ONLINE", last_seen_at=NOW)
     robot.refresh_from_db()
     session = store.take(
@@ -120,13 +120,13 @@ def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is
     orders = DesiredState()
     look(orders, NOW)
     slow = NetworkLab(delay=0.2)
-    session = visit(
+    session = begin_session(
         giraff,
         assist="off",
         doors={"lounge-door": "closed", "store-door": "open", "lab-door": "open"},
         control_network=slow,
     )
-    during = said(look(orders, NOW))["config"]
+    during = published(look(orders, NOW))["config"]
     assert (during.assist, during.control_network, during.video_network) == ("off", slow, None)
     assert during.network_session == session, (
         "nobody else gets it, however late the next word comes"
@@ -134,7 +134,7 @@ def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is
     assert during.doors == {"lounge-door": "closed", "store-door": "open", "lab-door": "open"}
     assert look(orders, NOW) == []
     store.end(session, "cancelled", "left", NOW)
-    afterwards = said(look(orders, NOW))["config"]
+    afterwards = published(look(orders, NOW))["config"]
     assert (afterwards.assist, afterwards.control_network, afterwards.network_session) == (
         "slow",
         None,
@@ -144,9 +144,9 @@ def test_the_terms_of_a_visit_go_before_the_robots_own_and_are_undone_when_it_is
 
 
 def test_a_session_manager_that_was_away_when_a_visit_ended_undoes_its_doors(giraff):
-    session = visit(giraff, doors={"lounge-door": "closed"})
+    session = begin_session(giraff, doors={"lounge-door": "closed"})
     store.end(session, "cancelled", "left", NOW)
-    assert said(look(DesiredState(), NOW))["config"].doors == {
+    assert published(look(DesiredState(), NOW))["config"].doors == {
         "lounge-door": "open",
         "lab-door": "closed",
     }
@@ -157,7 +157,7 @@ def test_a_robot_that_is_anothers_is_told_nothing_and_everything_when_it_is_ours
     ownership.become({shard: 1})
     orders = DesiredState(ownership)
     first = look(orders, NOW)
-    assert set(said(first)) == {"config", "floorplan"}
+    assert set(published(first)) == {"config", "floorplan"}
     ownership.become({})
     Robot.objects.update(assist="stop")
     assert look(orders, NOW) == []
@@ -170,7 +170,7 @@ def test_a_robot_that_is_anothers_is_told_nothing_and_everything_when_it_is_ours
 @pytest.mark.parametrize("failing", range(1, 6))
 def test_a_database_that_is_away_for_a_moment_leaves_no_robot_untold(giraff, office, failing):
     Robot.objects.create(name="another", title="Another", floor_plan=office, assist="off")
-    visit(giraff)
+    begin_session(giraff)
     orders, asked = DesiredState(), itertools.count(1)
 
     def away(execute, *args):
@@ -184,7 +184,7 @@ def test_a_database_that_is_away_for_a_moment_leaves_no_robot_untold(giraff, off
     assert next(asked) > failing, "it took fewer questions"
     soon = NOW + datetime.timedelta(seconds=0.5)
     outbound += look(orders, soon)
-    told = sorted(message.topic.split("/")[-2:] for message in outbound)
-    assert told == [
+    sent = sorted(message.topic.split("/")[-2:] for message in outbound)
+    assert sent == [
         [name, what] for name in ("another", "giraff") for what in ("config", "floorplan")
     ]

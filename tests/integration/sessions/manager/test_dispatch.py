@@ -1,4 +1,4 @@
-"""What the session manager hears of a session besides states: recorded, and told to other apps."""
+"""Messages of a session besides states: recorded, and sent to other apps."""
 
 import msgspec
 import pytest
@@ -118,7 +118,7 @@ def test_a_picture_that_only_showed_that_the_camera_works_is_not_kept(intake, se
     ] == ["p1", "p1"]
 
 
-def test_what_is_repeated_many_times_a_second_is_not_recorded_as_an_action(intake, session):
+def test_frequently_repeated_actions_are_not_recorded(intake, session):
     from_robot(intake, "state", words.state(1, session=session, epoch=1))
     for kind in ("stop", "estop", "resend_states", ""):
         from_robot(
@@ -191,7 +191,7 @@ def test_a_state_that_comes_late_is_told_as_such(intake, session):
     ]
 
 
-def test_what_is_told_of_a_task_waits_for_the_next_look():
+def test_notices_of_a_task_wait_for_the_next_tick():
     notices.drain()
     task = protocol.Task(session="s1", stamp=NOW, cue="dock_now")
     notices.publish(task)
@@ -209,7 +209,7 @@ def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_ar
 
     def last_sign():
         return max(
-            intake.last_received["giraff"].link(0.0).active_at or 0.0,
+            intake.liveness["giraff"].link(0.0).active_at or 0.0,
             intake.signs.get(session, 0.0),
         )
 
@@ -228,27 +228,27 @@ def test_driving_a_call_a_way_of_its_own_a_stop_there_and_a_touch_of_the_page_ar
             from_robot(intake, suffix, message)
         return last_sign() == now[0] != before
 
-    said = {"session": session, "epoch": 1}
+    sent = {"session": session, "epoch": 1}
     command = m.AppliedCommand(
         seq=1, stamp=1.0, method="keyboard", way="mqtt", age=0.1, linear=0.2, angular=0.0
     )
     from_robot(intake, "state", words.state(1))
-    assert sign_after("state", words.state(2, **said))  # a page has come
-    assert not sign_after("state", words.state(3, **said))
-    assert sign_after("state", words.state(4, applied=(command,), **said))
-    assert sign_after("state", words.state(5, mode="goto", **said))
-    assert sign_after("state", words.state(6, call=m.CallState(status="accepted"), **said))
-    assert not sign_after("state", words.state(7, **said))
-    assert sign_after("state", words.state(8, safety=m.Safety(estop=True), **said)), (
+    assert sign_after("state", words.state(2, **sent))  # a page has come
+    assert not sign_after("state", words.state(3, **sent))
+    assert sign_after("state", words.state(4, applied=(command,), **sent))
+    assert sign_after("state", words.state(5, mode="goto", **sent))
+    assert sign_after("state", words.state(6, call=m.CallState(status="accepted"), **sent))
+    assert not sign_after("state", words.state(7, **sent))
+    assert sign_after("state", words.state(8, safety=m.Safety(estop=True), **sent)), (
         "a driver who waits for somebody to release the stop can do nothing"
     )
-    assert not sign_after("state", words.state(9, **said))
+    assert not sign_after("state", words.state(9, **sent))
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE))
     assert not sign_after("page", protocol.PageEvent(stamp=1.0, type="blur"))
     assert not sign_after("state", words.state(10))  # its lease lapsed
     assert sign_after("page", protocol.PageEvent(stamp=1.0, type=protocol.HERE)), (
         "whatever the robot says of the visit just now"
     )
-    assert not sign_after("state", words.state(11, **said))
+    assert not sign_after("state", words.state(11, **sent))
     # the page was loaded again
     assert sign_after("state", words.state(12, session=session, epoch=2))

@@ -64,7 +64,7 @@ def test_one_who_does_not_hold_the_file_does_not_write_into_it(tmp_path):
     assert (tmp_path / "lock").read_text().startswith("first\n")
 
 
-def test_where_no_file_can_be_made_nothing_is_known_and_nothing_is_raised(tmp_path):
+def test_without_a_writable_folder_the_lock_is_unknown_and_no_error_is_raised(tmp_path):
     life = LockFile(tmp_path / "there is no such folder" / "lock")
     assert life.predecessor() == ""
     life.sign("second")

@@ -7,8 +7,8 @@ from django.utils import timezone
 
 from accounts.models import User
 from robots.models import Robot, RobotPresence
-from sessions.manager.desired_state import LOOK_SECONDS, DesiredState
-from sessions.manager.needed_robots import needed_robots
+from sessions.manager.desired_state import READ_ALL_SECONDS, DesiredState
+from sessions.manager.scheduler import needed_robots
 from sessions.models import Session
 
 pytestmark = pytest.mark.django_db
@@ -33,11 +33,11 @@ def session(robot, state, **fields):
 def test_robots_with_a_session_a_queue_or_a_way_home_are_needed_and_no_others(
     django_assert_num_queries,
 ):
-    driven, waited, recorded, over, away, _idle = robots(
+    driving, waited, recorded, over, away, _idle = robots(
         "driven", "waited", "recorded", "over", "away", "idle"
     )
     now = timezone.now()
-    session(driven, Session.State.DRIVING)
+    session(driving, Session.State.DRIVING)
     session(waited, Session.State.WAITING)
     session(recorded, Session.State.ENDED)
     session(over, Session.State.ENDED, closed_at=now)
@@ -48,12 +48,12 @@ def test_robots_with_a_session_a_queue_or_a_way_home_are_needed_and_no_others(
     assert needed_robots() == frozenset()
 
 
-def test_what_robots_are_told_takes_as_many_queries_for_many_as_for_few(
+def test_the_desired_state_of_many_robots_takes_no_more_queries_than_of_few(
     django_assert_max_num_queries,
 ):
     robots(*(f"robot-{number}" for number in range(30)))
     desired, now = DesiredState(), timezone.now()
-    later = now + datetime.timedelta(seconds=LOOK_SECONDS)
+    later = now + datetime.timedelta(seconds=READ_ALL_SECONDS)
     with django_assert_max_num_queries(4):
         assert len(list(desired.tick(now))) == 30
     with django_assert_max_num_queries(3):

@@ -1,5 +1,5 @@
-"""Robots that are brought home between two visits: what is ordered, who may drive meanwhile, and
-what stands in the database.
+"""Robots that return to their dock between two sessions: their orders, who may drive them, and what
+the database has.
 """
 
 import datetime
@@ -62,27 +62,27 @@ class Situation:
     """The robot as the session manager hears it."""
 
     def __init__(self):
-        self.return_to_dock, self.last_received, self.seq = ReturnToDock(), RobotLiveness(), 0
+        self.return_to_dock, self.liveness, self.seq = ReturnToDock(), RobotLiveness(), 0
         self.outbox = deque()
 
     def says(self, now, *, trip=0.05, **changes):
         """A state, and an answer to the server's beat that was under way for so many seconds."""
         self.seq += 1
-        self.last_received.take(words.state(self.seq, **{"tilt": 0.28, **changes}), now.timestamp())
+        self.liveness.take(words.state(self.seq, **{"tilt": 0.28, **changes}), now.timestamp())
         sent = now.timestamp() - trip
         echo = m.Echo(peer="server", n=self.seq, stamp=sent, received=sent + trip / 2)
-        self.last_received.heartbeat(
+        self.liveness.heartbeat(
             m.Heartbeat(n=self.seq, stamp=sent + trip / 2, echoes=(echo,)),
             now.timestamp(),
             now.timestamp(),
         )
 
     def look(self, now):
-        heard = {"giraff": self.last_received}
-        self.outbox.extend(self.return_to_dock.tick(heard, now, now.timestamp()))
-        said = [codec.decode("command/action", one.payload, "to_robot") for one in self.outbox]
+        liveness = {"giraff": self.liveness}
+        self.outbox.extend(self.return_to_dock.tick(liveness, now, now.timestamp()))
+        published = [codec.decode("command/action", one.payload, "to_robot") for one in self.outbox]
         self.outbox.clear()
-        return said
+        return published
 
 
 @pytest.fixture
@@ -90,21 +90,21 @@ def situation():
     return Situation()
 
 
-def a_visit_ends(robot, visitor, now=NOW):
+def a_session_ends(robot, visitor, now=NOW):
     granted = store.take(robot, visitor, "p1", now=now)
     assert store.leave(granted.session, peer="p1", now=now)
     return Robot.objects.get(pk=robot.pk)
 
 
 def test_a_robot_that_was_left_somewhere_is_sent_home_by_the_server(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     assert isinstance(dock, m.Dock)
     assert (dock.role, dock.session, dock.stamp) == ("server", None, after(1).timestamp())
     assert situation.look(after(2)) == [], "it is on its way"
     situation.says(after(40), docked=True, tilt=0.5)
-    situation.last_received.answer(
+    situation.liveness.answer(
         m.ActionStatus(action_id=dock.action_id, status="FINISHED", stamp=1.0)
     )
     (tilt,) = situation.look(after(40))
@@ -119,11 +119,11 @@ STOPPED = m.Safety(inhibited="stopped")
 
 
 def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     cancelled = m.ActionStatus(action_id=dock.action_id, status="CANCELLED", stamp=1.0)
-    situation.last_received.answer(cancelled)
+    situation.liveness.answer(cancelled)
     for second in range(2, 400):
         situation.says(after(second), docked=False, safety=STOPPED)
         assert situation.look(after(second)) == []
@@ -138,7 +138,7 @@ def test_a_robot_that_is_stopped_on_its_way_is_ordered_nothing(giraff, ana, situ
 def test_a_robot_that_was_stopped_between_visits_is_given_to_a_new_driver(
     giraff, ana, ben, situation
 ):
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     situation.says(after(1), docked=False, safety=STOPPED)
     assert situation.look(after(1)) == []
     assert store.pause_of(robot) == ""
@@ -149,20 +149,20 @@ def test_a_robot_that_was_stopped_between_visits_is_given_to_a_new_driver(
 
 
 def test_the_queue_of_a_robot_that_was_stopped_between_visits_goes_on(giraff, ana, ben, situation):
-    robot = a_visit_ends(giraff, ana)
-    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.TakeQueued)
+    robot = a_session_ends(giraff, ana)
+    assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.Queued)
     situation.says(after(2), docked=False, safety=STOPPED)
     situation.look(after(2))
     acts = tick(Robot.objects.get(), RobotLink(), after(3))
     assert [type(act) for act in acts] == [Offered]
 
 
-def test_nobody_is_given_a_robot_on_its_way_home_and_everybody_is_told_why(
+def test_a_returning_robot_is_given_to_none_and_waiting_visitors_learn_why(
     giraff, ana, ben, situation
 ):
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     queued = store.take(robot, ben, "p2", now=after(1))
-    assert isinstance(queued, store.TakeQueued)
+    assert isinstance(queued, store.Queued)
     assert queued.reason == "returning: dock"
     assert queued.minutes > 0
     assert not [act for act in tick(robot, RobotLink(), after(2)) if isinstance(act, Offered)]
@@ -188,9 +188,9 @@ def test_an_offer_is_taken_back_when_the_robot_is_not_ready_after_all(giraff, an
 
 
 @pytest.fixture
-def taken_on_its_way(giraff, ana, ben, situation):
+def taken_while_returning(giraff, ana, ben, situation):
     """What a robot was ordered that an operator has taken while it goes home."""
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     situation.says(after(1), docked=False)
     (dock,) = situation.look(after(1))
     RobotPermit.objects.create(robot=robot, user=ben, kind="operator")
@@ -199,33 +199,33 @@ def taken_on_its_way(giraff, ana, ben, situation):
 
 
 def test_an_operator_may_take_a_robot_that_is_stuck_and_what_was_ordered_is_taken_back(
-    taken_on_its_way, situation
+    taken_while_returning, situation
 ):
     (cancel,) = situation.look(after(3))
-    assert (type(cancel), cancel.target) == (m.Cancel, taken_on_its_way.action_id)
+    assert (type(cancel), cancel.target) == (m.Cancel, taken_while_returning.action_id)
     assert Robot.objects.get().presence.turnaround == "ready"
 
 
 def away(execute, sql, *args):
-    """Stand for a database that takes nothing: for `execute_wrapper`."""
+    """Refuse all writes, as a database that is away: for `execute_wrapper`."""
     if sql.startswith(("UPDATE", "INSERT")):
         raise OperationalError
     return execute(sql, *args)
 
 
 @pytest.mark.django_db(transaction=True)
-def test_what_is_taken_back_is_said_though_the_database_goes_away_meanwhile(
-    taken_on_its_way, situation
+def test_a_cancelled_order_is_published_even_if_the_database_fails(
+    taken_while_returning, situation
 ):
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
         situation.look(after(3))
     (cancel,) = situation.look(after(4))
-    assert (type(cancel), cancel.target) == (m.Cancel, taken_on_its_way.action_id)
+    assert (type(cancel), cancel.target) == (m.Cancel, taken_while_returning.action_id)
 
 
 @pytest.mark.django_db(transaction=True)
 def test_an_order_that_the_database_refused_is_given_at_the_next_look(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     RobotPresence.objects.update(turnaround_reason="")
     situation.says(after(1), docked=False)
     with connection.execute_wrapper(away), pytest.raises(OperationalError):
@@ -237,11 +237,11 @@ def test_an_order_that_the_database_refused_is_given_at_the_next_look(giraff, an
 def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried_again(
     giraff, ana, situation
 ):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     for second in range(1, 60):
         situation.says(after(second), docked=False)
         for action in situation.look(after(second)):
-            situation.last_received.answer(
+            situation.liveness.answer(
                 m.ActionStatus(
                     action_id=action.action_id,
                     status="FAILED",
@@ -260,7 +260,7 @@ def test_a_robot_that_cannot_get_home_pauses_the_queue_and_says_why_and_is_tried
 
 
 def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.says(after(1), docked=False)
     assert situation.look(after(1))
     situation.return_to_dock = ReturnToDock()
@@ -273,7 +273,7 @@ def test_a_session_manager_that_starts_anew_goes_on_with_robots_under_way(giraff
 def test_a_robot_that_need_not_or_cannot_go_home_is_free_at_once(giraff, ana, ben, change):
     update_robots(**change)
     giraff.refresh_from_db()
-    robot = a_visit_ends(giraff, ana)
+    robot = a_session_ends(giraff, ana)
     assert robot.presence.turnaround == "ready"
     assert isinstance(store.take(robot, ben, "p2", now=after(1)), store.TakeGranted)
 
@@ -293,7 +293,7 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
     RobotPresence.objects.update(
         factsheet={**FACTS, "capabilities": ["velocity", "dock", "tilt", "photo"]}
     )
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     situation.says(after(1), docked=True, session="s1")
     assert situation.look(after(1)) == [], (
         "it still has its last driver, whose record the picture would be in"
@@ -307,7 +307,7 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
     )
     assert store.pause_of(giraff) == "returning: picture"
     situation.says(after(3), docked=True)
-    situation.last_received.answer(
+    situation.liveness.answer(
         m.ActionStatus(action_id=photo.action_id, status="FINISHED", stamp=1.0)
     )
     assert situation.look(after(3)) == []
@@ -317,7 +317,7 @@ def test_a_robot_is_ready_only_after_its_camera_gave_a_picture(giraff, ana, situ
 def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_better(
     giraff, ana, situation
 ):
-    a_visit_ends(giraff, ana)
+    a_session_ends(giraff, ana)
     for second in (1, 2, 2 + LATE):
         situation.says(after(second), docked=True, trip=0.9)
         situation.look(after(second))
@@ -329,7 +329,7 @@ def test_a_robot_that_answers_too_late_pauses_the_queue_until_its_network_is_bet
 
 
 def test_a_robot_that_answers_no_beat_is_not_ready(giraff, ana, situation):
-    a_visit_ends(giraff, ana)
-    situation.last_received.take(words.state(1, tilt=0.28, docked=True), after(1).timestamp())
+    a_session_ends(giraff, ana)
+    situation.liveness.take(words.state(1, tilt=0.28, docked=True), after(1).timestamp())
     situation.look(after(1))
     assert store.pause_of(giraff) == "returning: network"

@@ -28,8 +28,8 @@ def after(seconds):
 
 
 @pytest.fixture
-def driven():
-    """The session of somebody who drives, while somebody else waits."""
+def drive():
+    """The session of a driver, while another visitor waits."""
     giraff = create_robot(
         name="giraff", title="Giraff", connection="ONLINE", last_seen_at=after(1000)
     )
@@ -41,25 +41,25 @@ def driven():
 
 
 @pytest.fixture
-def offered(driven, settings):
-    """The session of somebody who waited, and to whom the robot has just been offered."""
+def offered(drive, settings):
+    """The session of a waiting visitor to whom the robot has just been offered."""
     settings.START_SECONDS = 60.0
-    assert store.leave(driven, peer="p1", now=after(1))
+    assert store.leave(drive, peer="p1", now=after(1))
     return str(Session.objects.get(state="waiting").pk)
 
 
-def said(scheduler, seconds, kind=Offered, **heard):
-    """Let it look once, having heard this of the robot; return what it has said of this kind since
-    the last time.
+def sent_by(scheduler, seconds, kind=Offered, **link):
+    """Run one tick with these messages of the robot; return the notices of this kind since the
+    previous one.
     """
-    scheduler.tick({}, RobotLink(since=NOW.timestamp(), **heard), after(seconds))
-    frames = [letter.payload.decode() for letter in scheduler.outbox if not letter.retain]
+    scheduler.tick({}, RobotLink(since=NOW.timestamp(), **link), after(seconds))
+    frames = [outbound.payload.decode() for outbound in scheduler.outbox if not outbound.retain]
     scheduler.outbox.clear()
     notices = [protocol.decode_notice(frame) for frame in frames]
     return [notice for notice in notices if isinstance(notice, kind)]
 
 
-def refused_then_said(scheduler, seconds, kind, **heard):
+def refused_then_sent(scheduler, seconds, kind, **link):
     """Return what it says of this kind at the look after one that the database broke off, when this
     was to be recorded.
     """
@@ -70,98 +70,98 @@ def refused_then_said(scheduler, seconds, kind, **heard):
         return execute(sql, params, *args)
 
     with connection.execute_wrapper(refuses), pytest.raises(OperationalError):
-        said(scheduler, seconds, kind, **heard)
+        sent_by(scheduler, seconds, kind, **link)
     scheduler.outbox.clear()
-    return said(scheduler, seconds + 1, kind, **heard)
+    return sent_by(scheduler, seconds + 1, kind, **link)
 
 
 def test_an_offer_is_said_once(offered):
     scheduler = Scheduler()
-    assert said(scheduler, 2) == [Offered(session=offered, seconds=60.0)]
-    assert said(scheduler, 3) == []
+    assert sent_by(scheduler, 2) == [Offered(session=offered, seconds=60.0)]
+    assert sent_by(scheduler, 3) == []
 
 
 def test_an_offer_that_its_session_manager_did_not_live_to_say_is_said_by_the_next(offered):
-    said(Scheduler(), 2)  # and was killed before its loop published it
+    sent_by(Scheduler(), 2)  # and was killed before its loop published it
     successor = Scheduler()
-    assert said(successor, 12) == [Offered(session=offered, seconds=50.0)]
-    assert said(successor, 13) == []
+    assert sent_by(successor, 12) == [Offered(session=offered, seconds=50.0)]
+    assert sent_by(successor, 13) == []
 
 
 @pytest.mark.django_db(transaction=True)
 def test_an_offer_that_the_database_refused_to_record_is_said_at_the_next_look(offered):
     scheduler = Scheduler()
-    assert refused_then_said(scheduler, 2, Offered) == [Offered(session=offered, seconds=59.0)]
-    assert said(scheduler, 4) == []
+    assert refused_then_sent(scheduler, 2, Offered) == [Offered(session=offered, seconds=59.0)]
+    assert sent_by(scheduler, 4) == []
 
 
 def test_an_offer_is_said_again_to_a_broker_that_may_have_lost_it(offered):
     scheduler = Scheduler()
-    said(scheduler, 2)
+    sent_by(scheduler, 2)
     scheduler.begin()
-    assert said(scheduler, 12) == [Offered(session=offered, seconds=50.0)]
+    assert sent_by(scheduler, 12) == [Offered(session=offered, seconds=50.0)]
 
 
 def test_whose_offer_was_taken_back_is_told_their_place_again(offered):
     scheduler = Scheduler()
-    said(scheduler, 2)
+    sent_by(scheduler, 2)
     update_robots(turnaround="paused", turnaround_reason="estop", returns_home=True)
-    assert [notice.session for notice in said(scheduler, 3, Queued)] == [offered]
+    assert [notice.session for notice in sent_by(scheduler, 3, Queued)] == [offered]
     RobotPresence.objects.update(turnaround="ready")
-    assert [notice.session for notice in said(scheduler, 5)] == [offered]
+    assert [notice.session for notice in sent_by(scheduler, 5)] == [offered]
 
 
 @pytest.fixture
-def warned(driven, settings):
-    """What is heard of a robot whose driver is to be told that the turn ends."""
+def warned(drive, settings):
+    """The link of a robot whose driver is to be warned of the end of the turn."""
     settings.TURN_WARNING_SECONDS, settings.IDLE_SECONDS = 10_000.0, 0.0
     Session.objects.update(seen_at=after(1000))
     at = after(1).timestamp()
-    return {"last_received_at": at, "state_at": at, "session": driven, "epoch": 1, "silence": 0.1}
+    return {"last_received_at": at, "state_at": at, "session": drive, "epoch": 1, "silence": 0.1}
 
 
-def test_a_driver_is_warned_again_over_a_broker_that_may_have_lost_the_warning(driven, warned):
+def test_a_driver_is_warned_again_over_a_broker_that_may_have_lost_the_warning(drive, warned):
     scheduler = Scheduler()
-    assert [notice.session for notice in said(scheduler, 1, TurnWarning, **warned)] == [driven]
-    assert said(scheduler, 1.5, TurnWarning, **warned) == []
+    assert [notice.session for notice in sent_by(scheduler, 1, TurnWarning, **warned)] == [drive]
+    assert sent_by(scheduler, 1.5, TurnWarning, **warned) == []
     scheduler.begin()
-    assert [notice.session for notice in said(scheduler, 2, TurnWarning, **warned)] == [driven]
+    assert [notice.session for notice in sent_by(scheduler, 2, TurnWarning, **warned)] == [drive]
     assert SessionEvent.objects.filter(type="turn_warning").count() == 1
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_driver_is_warned_after_the_database_refused_to_record_it(driven, warned):
-    (warning,) = refused_then_said(Scheduler(), 1, TurnWarning, **warned)
-    assert warning.session == driven
+def test_a_driver_is_warned_after_the_database_refused_to_record_it(drive, warned):
+    (warning,) = refused_then_sent(Scheduler(), 1, TurnWarning, **warned)
+    assert warning.session == drive
 
 
 @pytest.mark.django_db(transaction=True)
-def test_a_driver_is_asked_and_found_after_the_database_refused_to_record_it(driven, settings):
+def test_a_driver_is_asked_and_found_after_the_database_refused_to_record_it(drive, settings):
     settings.IDLE_SECONDS = 4.0
     Session.objects.update(seen_at=after(1000))
     scheduler, at = Scheduler(), after(5).timestamp()
-    idle = {"last_received_at": at, "state_at": at, "session": driven, "epoch": 1, "silence": 0.1}
-    (asked,) = refused_then_said(scheduler, 5, AskedThere, **idle)
-    assert asked.session == driven
+    idle = {"last_received_at": at, "state_at": at, "session": drive, "epoch": 1, "silence": 0.1}
+    (asked,) = refused_then_sent(scheduler, 5, AskedThere, **idle)
+    assert asked.session == drive
     back = {**idle, "active_at": after(7).timestamp()}
-    assert refused_then_said(scheduler, 7, FoundThere, **back) == [FoundThere(session=driven)]
+    assert refused_then_sent(scheduler, 7, FoundThere, **back) == [FoundThere(session=drive)]
 
 
-def test_who_is_being_granted_a_robot_that_was_idle_does_not_lose_it_for_its_silence(driven):
+def test_a_grant_of_an_idle_robot_is_not_ended_by_the_robots_silence(drive):
     """A web process has changed the lease, and not yet the session: an idle robot says something
     every half a minute.
     """
-    Session.objects.filter(pk=driven).update(state="waiting", granted_at=None, driving_at=None)
-    heard = (NOW - datetime.timedelta(seconds=20)).timestamp()
-    idle = RobotLink(since=heard, last_received_at=heard, state_at=heard)
+    Session.objects.filter(pk=drive).update(state="waiting", granted_at=None, driving_at=None)
+    link = (NOW - datetime.timedelta(seconds=20)).timestamp()
+    idle = RobotLink(since=link, last_received_at=link, state_at=link)
     Scheduler().tick({"giraff": idle}, idle, after(1))
-    session = Session.objects.get(pk=driven)
+    session = Session.objects.get(pk=drive)
     assert (session.state, session.granted_at) == ("connecting", after(1))
     Scheduler().tick({"giraff": idle}, idle, after(60))
-    assert Session.objects.get(pk=driven).outcome_reason == "robot_offline"
+    assert Session.objects.get(pk=drive).outcome_reason == "robot_offline"
 
 
-def test_two_copies_of_a_lease_never_have_one_number(driven, monkeypatch):
+def test_two_copies_of_a_lease_never_have_one_number(drive, monkeypatch):
     scheduler, numbers = Scheduler(), []
 
     def renew():
@@ -179,19 +179,19 @@ def test_two_copies_of_a_lease_never_have_one_number(driven, monkeypatch):
 
     watching = [contextlib.ExitStack()]
     watching[0].enter_context(connection.execute_wrapper(meanwhile))
-    _hold, chosen = store.set_assist(driven, "slow", peer="p1")
+    chosen = store.set_assist(drive, "slow", peer="p1").renewal
     renew()
     assert len({*numbers, chosen}) == 3
     assert max(numbers) > chosen > min(numbers)
 
 
-def test_a_session_with_unreadable_terms_ends_and_the_others_go_on(driven, settings):
+def test_a_session_with_unreadable_terms_ends_and_the_others_go_on(drive, settings):
     """As after an upgrade, or a hand in the database."""
     rhodon = create_robot(
         name="rhodon", title="Rhodon", connection="ONLINE", last_seen_at=after(1000)
     )
     other = store.take(rhodon, User.objects.create(username="cem"), "p3", now=NOW).session
-    Session.objects.filter(pk=driven).update(terms={"driver": "x", "study": {"slug": "s"}})
+    Session.objects.filter(pk=drive).update(terms={"driver": "x", "study": {"slug": "s"}})
     scheduler = Scheduler()
     assert scheduler.renew(after(0.1)), "until then, its robot obeys nothing"
     leases = {
@@ -199,11 +199,11 @@ def test_a_session_with_unreadable_terms_ends_and_the_others_go_on(driven, setti
     }
     assert (leases["giraff"].methods, leases["giraff"].actions) == ((), ())
     assert leases["rhodon"].session == other
-    ended = said(scheduler, 1, Ended)
+    ended = sent_by(scheduler, 1, Ended)
     assert [(one.session, one.outcome, one.reason) for one in ended] == [
-        (driven, "stopped_by_operator", "terms_unreadable")
+        (drive, "stopped_by_operator", "terms_unreadable")
     ]
-    row = Session.objects.get(pk=driven)
+    row = Session.objects.get(pk=drive)
     assert terms.of(row).study == {"slug": "s"}
     assert Session.objects.get(pk=other).state != "ended"
-    assert said(scheduler, 2), "who waited is offered the robot"
+    assert sent_by(scheduler, 2), "who waited is offered the robot"

@@ -129,7 +129,7 @@ async def test_a_drive_is_recorded_whole_from_the_first_state_to_the_last(broker
         )
         assert await leave(session, visitors["ana"])
         await complete(session, robot)
-        # A state that came late has the record closed anew.
+        # After a late state, the record is closed again.
         whole = len(robot.sent[session])
         closed = await wait_for(
             lambda: Session.objects.filter(
@@ -217,8 +217,8 @@ async def test_states_reach_the_signal_once_and_in_order(broker, giraff, visitor
 async def test_a_robot_that_is_taken_during_the_first_look_keeps_its_lease(
     broker, giraff, visitors
 ):
-    """Busy computers take seconds for it, and that nobody drove when the manager came is old news
-    by then.
+    """On a busy computer this takes seconds, and the manager's first reading, without a driver, is
+    out of date by then.
     """
     first = iter([True])
 
@@ -311,7 +311,7 @@ async def test_a_disk_that_answers_nobody_holds_up_neither_leases_nor_the_heartb
 async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
     broker, giraff, visitors, monkeypatch
 ):
-    """By these beats the robot knows that somebody could still stop it."""
+    """These heartbeats tell the robot that it could still be stopped."""
     monkeypatch.setattr(readiness, "AGAIN", 0.2)
     looking, may_look = threading.Event(), threading.Event()
     may_look.set()
@@ -358,7 +358,7 @@ async def test_a_robot_going_home_gets_heartbeats_and_no_order_after_a_stop(
         await wait_for(lambda: len(robot.ordered) > ordered, what="the next order to dock")
 
 
-# --- nothing is missing ---------------------------------------------------------------------------
+# --- complete records -----------------------------------------------------------------------------
 
 
 @pytest.mark.nightly
@@ -402,18 +402,14 @@ async def test_states_that_are_delivered_twice_are_stored_once(broker, giraff, v
 
 
 @pytest.mark.nightly
-async def test_what_an_agent_cannot_send_again_is_counted_as_missing(broker, giraff, visitors):
+async def test_states_that_an_agent_no_longer_has_are_counted_as_missing(broker, giraff, visitors):
     async with running_manager(broker.url), ScriptedRobot("giraff", broker.url) as robot:
         session = await drive(visitors["ana"], robot)
         first = robot.seq + 2
         # however soon it is asked, it is killed before it answers
         robot.loses, robot.answers = (lambda seq: first <= seq < first + 4), False
         await wait_for(lambda: robot.seq > first + 6)
-        robot.presence.boot, robot.seq, robot.buffer = (
-            "boot-2",
-            0,
-            {},
-        )  # the agent was killed and is back
+        robot.boot, robot.seq, robot.buffer = "boot-2", 0, {}  # the agent was killed and is back
         robot.loses, robot.answers = (lambda _seq: False), True
         missing = await wait_for(
             lambda: SessionEvent.objects.filter(session=session, type="states_missing").first(),
@@ -442,7 +438,7 @@ async def test_a_session_manager_that_ends_in_mid_drive_leaves_no_hole_and_the_d
             await wait_for(lambda: len(robot.sent[session]) > 30)
             getattr(first, how)()
             before = len(robot.leases)
-            await wait_for(lambda: len(robot.sent[session]) > 50)  # nobody listens
+            await wait_for(lambda: len(robot.sent[session]) > 50)  # without a session manager
             with ManagerProcess(broker.url) as second:
                 await second.connected()
                 await wait_for(lambda: len(robot.leases) > before + 1, 15, "renewals")
@@ -569,7 +565,7 @@ async def test_the_operators_stop_ends_the_session_and_takes_the_lease_back(
 
 
 class Notices:
-    """What a web process hears of sessions, in whatever order that of several sessions comes."""
+    """The notices that a web process receives, by session."""
 
     def __init__(self, client: aiomqtt.Client) -> None:
         self._client = client
@@ -609,14 +605,14 @@ async def test_when_others_wait_the_turn_ends_and_the_next_in_the_queue_is_asked
         notices = Notices(web)
         ana = await drive(visitors["ana"], robot)
         ben, cem = await take(visitors["ben"]), await take(visitors["cem"])
-        assert [type(taken) for taken in (ben, cem)] == [store.TakeQueued, store.TakeQueued]
+        assert [type(taken) for taken in (ben, cem)] == [store.Queued, store.Queued]
         assert (await notices.of(cem.session, protocol.Queued)).place == 2
         assert (await notices.of(ana, protocol.TurnWarning)).remaining <= 2.5
         ended = await notices.of(ana, protocol.Ended)
         assert (ended.outcome, ended.reason) == ("timed_out", "turn_over")
         offered = await notices.of(ben.session, protocol.Offered)
         assert offered.seconds == settings.START_SECONDS
-        assert isinstance(await take(visitors["cem"]), store.TakeQueued)
+        assert isinstance(await take(visitors["cem"]), store.Queued)
         assert isinstance(await take(visitors["ben"]), store.TakeGranted)
         await state_of(ben.session, "driving")
         await notices.of(cem.session, protocol.Queued, lambda published: published.place == 1)
@@ -628,7 +624,7 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
 ):
     settings.IDLE_SECONDS = 1.0
     monkeypatch.setattr("sessions.leases.transitions.ANSWER_SECONDS", 1.0)
-    monkeypatch.setattr("sessions.leases.transitions.ON_THE_WAY", 0.5)
+    monkeypatch.setattr("sessions.leases.transitions.ROUND_TRIP_MARGIN_S", 0.5)
     async with (
         running_manager(broker.url),
         ScriptedRobot("giraff", broker.url) as robot,
@@ -638,7 +634,7 @@ async def test_a_driver_who_gives_no_sign_is_asked_and_makes_room_for_the_next(
         notices = Notices(web)
         ana = await drive(visitors["ana"], robot)
         ben = await take(visitors["ben"])
-        assert isinstance(ben, store.TakeQueued)
+        assert isinstance(ben, store.Queued)
         assert (await notices.of(ana, protocol.AskedThere)).seconds == 1.0
         ended = await notices.of(ana, protocol.Ended)
         assert (ended.outcome, ended.reason) == ("timed_out", "idle")

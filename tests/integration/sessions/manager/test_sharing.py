@@ -110,7 +110,7 @@ def seqs_of(session: str) -> list[int]:
 
 
 @contextlib.asynccontextmanager
-async def driven_robots(url: str):
+async def robots_in_use(url: str):
     async with contextlib.AsyncExitStack() as robots:
         yield Drives([await robots.enter_async_context(ScriptedRobot(name, url)) for name in NAMES])
 
@@ -119,7 +119,7 @@ async def test_drives_go_on_while_session_managers_join_are_killed_stopped_and_l
     for name in NAMES:
         await Robot.objects.acreate(name=name, title=name)
     with running_mosquitto() as broker, ManagerProcess(broker.url) as first:
-        async with driven_robots(broker.url) as drives:
+        async with robots_in_use(broker.url) as drives:
             await first.connected()
             await drives.begin()
             assert [await sync_to_async(slot_of)(name) for name in NAMES] == [0, 0]
@@ -148,7 +148,7 @@ async def test_a_drive_goes_on_while_its_robot_is_given_away_and_comes_back():
     for name in NAMES:
         await Robot.objects.acreate(name=name, title=name)
     with running_mosquitto() as broker:
-        async with running_manager(broker.url) as first, driven_robots(broker.url) as drives:
+        async with running_manager(broker.url) as first, robots_in_use(broker.url) as drives:
             await drives.begin()
             async with running_manager(broker.url) as second:
                 await served_by(0, 1)

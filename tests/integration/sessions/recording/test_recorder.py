@@ -275,7 +275,7 @@ def test_events_that_come_twice_also_across_a_restart_are_one_row(session):
     assert sorted(SessionEvent.objects.values_list("data__seq", flat=True)) == [1, 2]
 
 
-def test_what_matters_beyond_a_session_is_in_the_system_log_too(session):
+def test_events_of_general_importance_are_also_in_the_system_log(session):
     record = builder()
     record.take(event_item(session, "estop", detail="button"))
     record.take(
@@ -487,7 +487,7 @@ def kinds(record: RecordBuilder) -> list[str]:
     return [row.type for row in record.rows if isinstance(row, SessionEvent)]
 
 
-def test_what_a_page_has_just_said_is_recorded_when_its_robot_becomes_ours(session):
+def test_recent_page_reports_are_recorded_when_their_robot_becomes_ours(session):
     ownership = owning()
     record = RecordBuilder(RecordStore(ownership), lambda *_: None)
     for at, kind in ((NOW, "long_ago"), (NOW + 8, "first"), (NOW + 9, "second")):
@@ -531,7 +531,7 @@ def test_a_robot_that_is_given_away_is_written_down_and_read_anew_when_it_is_bac
     assert stored(session) == [1, 2, 3]
 
 
-def test_what_pages_say_of_no_session_or_in_no_words_is_counted(session):
+def test_reports_of_unknown_sessions_and_malformed_ones_are_counted(session):
     record = builder()
     record.take(page_item("7d9f1c52-0000-4000-8000-000000000000", NOW))
     for junk in (b'{"stamp":1}', b'"\xff"'):
@@ -567,7 +567,7 @@ def test_the_number_of_the_last_state_tells_of_those_that_never_came(session):
     asked = []
     record = RecordBuilder(RecordStore(), lambda *words: asked.append(words))
     record.take(event_item(session, "lease_taken"))
-    record.settle(NOW)  # nothing is asked of a robot that has sent no state
+    record.settle(NOW)  # a robot without states gets no requests
     record.take(state_item(session, 1))
     record.take(event_item(session, "session_closed", seq=2))  # of an agent that does not know it
     record.settle(NOW + 3)

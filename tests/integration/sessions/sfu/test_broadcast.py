@@ -118,7 +118,7 @@ async def test_a_robot_whose_program_was_killed_is_connected_again_as_soon_as_it
     page = rig.page(rig.broadcast())
     await page.watch()
     killed, released = rig.media, threading.Event()
-    killed._calls.post(released.wait)  # says nothing more to anybody
+    killed._calls.post(released.wait)  # sends no more messages
     rig.renew_media()
     for word in (words.broken(), words.online("b2")):
         rig.delivery.arrive(topics.of(ROBOT, "connection"), codec.encode(word), time.monotonic())
@@ -144,7 +144,7 @@ async def test_a_robot_without_a_place_turns_the_pages_away(janus, monkeypatch):
 
 
 async def test_two_web_processes_share_one_stream_and_the_second_takes_over(rig, monkeypatch):
-    monkeypatch.setattr(module, "UNSIGNED_SECONDS", 2.0)
+    monkeypatch.setattr(module, "HEARTBEAT_TIMEOUT_S", 2.0)
     first = rig.broadcast()
     one = rig.page(first)
     await one.watch()

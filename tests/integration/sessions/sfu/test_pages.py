@@ -7,7 +7,7 @@ from django.utils import timezone
 from robots.api import messages as m
 from robots.models import Robot
 from sessions import protocol
-from sessions.sfu import broadcasts
+from sessions.sfu import broadcast
 from tests.support.browsers.pages import Page, until
 from tests.support.robots import create_robot
 
@@ -41,7 +41,7 @@ def signals(bridge, peer):
     return [message for _, suffix, message in bridge.sent if suffix == f"signal/{peer}"]
 
 
-async def test_who_comes_when_the_places_are_taken_watches_through_the_sfu(bridge, robot, people):
+async def test_a_page_watches_through_the_sfu_when_all_places_are_taken(bridge, robot, people):
     async with Page("giraff", people[0]) as one, Page("giraff", people[1]) as two:
         peer = (await two.expect("hello")).peer
         assert not (await watch(one)).sfu
@@ -53,7 +53,7 @@ async def test_who_comes_when_the_places_are_taken_watches_through_the_sfu(bridg
         await one.say("session/leave", protocol.Leave())
         assert not (await watch(two)).sfu
         assert signals(bridge, peer) == [], "the robot knows nothing of such a page"
-    await until(lambda: not broadcasts._broadcasts)
+    await until(lambda: not broadcast._broadcasts)
 
 
 async def test_a_page_for_which_the_robot_has_no_place_goes_on_to_the_sfu(bridge, robot, people):
@@ -62,4 +62,4 @@ async def test_a_page_for_which_the_robot_has_no_place_goes_on_to_the_sfu(bridge
         assert not (await watch(page)).sfu
         bridge.say("giraff", f"signal/{peer}/reply", m.Bye(reason="full"))
         assert (await page.expect("session/observing")).sfu
-    await until(lambda: not broadcasts._broadcasts)
+    await until(lambda: not broadcast._broadcasts)

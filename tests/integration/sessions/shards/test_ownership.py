@@ -65,7 +65,7 @@ def take_away():
 
 
 def state(session: str, seq: int) -> StateItem:
-    said = messages.State(
+    published = messages.State(
         stamp=float(seq),
         boot="b",
         seq=seq,
@@ -75,7 +75,7 @@ def state(session: str, seq: int) -> StateItem:
         velocity=messages.Velocity(linear=0, angular=0),
         battery=messages.Battery(charge=1),
     )
-    return StateItem("giraff", said, codec.encode(said), NOW.timestamp() + seq, None)
+    return StateItem("giraff", published, codec.encode(published), NOW.timestamp() + seq, None)
 
 
 def test_a_takeover_counts_up_the_epochs_of_what_it_takes_alone(owner):
@@ -158,7 +158,7 @@ def test_a_write_about_no_robot_needs_every_shard_of_the_process(owner):
 
 
 @pytest.mark.django_db(transaction=True)
-def test_who_owns_nothing_writes_nothing(owner):
+def test_a_process_without_shards_writes_nothing(owner):
     take_away()
     owner.become({})
     with owner.fenced(), pytest.raises(Fenced):
@@ -236,9 +236,7 @@ def test_a_robot_that_is_lost_while_leases_are_read_does_not_hear_that_nobody_dr
     assert list(scheduler.outbox) == []
 
 
-def test_what_waits_to_be_said_of_a_robot_that_is_anothers_by_now_is_said_by_that_one(
-    giraff, session, owner
-):
+def test_queued_messages_of_a_robot_are_published_by_its_new_owner(giraff, session, owner):
     Session.objects.filter(pk=session).update(state="driving")
     scheduler = Scheduler(owner)
     assert scheduler.renew(at(0))

@@ -1,15 +1,20 @@
 """manage.py demo as its user meets it: a link that drives, clear endings, nothing left behind."""
 
 import contextlib
+import fcntl
+import os
 import re
 import signal
 import socket
+import subprocess
+import sys
 import urllib.request
 from html import unescape
 from pathlib import Path
 
 import psutil
 import pytest
+from django.conf import settings
 
 from tests.support.browsers.running_demo import demo
 from tests.support.patience import patient
@@ -38,6 +43,35 @@ def test_a_busy_port_is_named_in_one_sentence(tmp_path):
         with demo(tmp_path, "--port", str(port)) as running:
             assert running.process.wait(patient(30.0)) == 1
     assert f"Port {port} is in use" in running.said().strip().splitlines()[-1]
+
+
+@pytest.mark.nightly
+def test_a_second_demo_with_the_same_data_is_refused_in_one_sentence(tmp_path):
+    with (tmp_path / "demo.lock").open("a") as held:
+        fcntl.flock(held, fcntl.LOCK_EX)
+        with demo(tmp_path, "--port", str(free_port())) as running:
+            assert running.process.wait(patient(30.0)) == 1
+    assert "A demo is already running" in running.said().strip().splitlines()[-1]
+
+
+def test_a_system_without_file_locks_runs_a_demo_too(tmp_path):
+    program = (
+        "import sys; sys.modules['fcntl'] = None\n"  # as on Windows, importing it fails
+        "import django; django.setup()\n"
+        "from pathlib import Path; from telepresence_site.demo.run import only_demo_in\n"
+        "with only_demo_in(Path(sys.argv[1])): print('runs')"
+    )
+    environment = os.environ | {"DJANGO_SETTINGS_MODULE": "telepresence_site.settings"}
+    told = subprocess.run(
+        [sys.executable, "-c", program, str(tmp_path)],
+        cwd=settings.BASE_DIR,
+        env=environment | {"VAR_DIR": str(tmp_path)},
+        capture_output=True,
+        text=True,
+        timeout=patient(30),
+        check=False,
+    )
+    assert (told.stdout, told.returncode) == ("runs\n", 0), told.stderr
 
 
 @pytest.mark.parametrize("port", ["0", "65536", "eighty"])

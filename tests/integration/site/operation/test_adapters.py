@@ -15,7 +15,7 @@ from playwright.sync_api import expect, sync_playwright
 
 from experiments.bots.browser import Browser
 from experiments.bots.cockpit import Cockpit
-from experiments.bots.steering import STAND, SpeedSetting
+from experiments.bots.driver import STAND, SpeedSetting
 from tests.support.architectures.ros2_robot import DISCOVERY
 from tests.support.browsers.visitor import Visitor, chromium
 from tests.support.patience import patient
@@ -66,7 +66,7 @@ def card(browser, robot) -> dict:
     """What the list of robots shows of it."""
     return next(
         one
-        for one in json.loads(browser.get("/robots.json").body)["robots"]
+        for one in json.loads(browser.open("/robots.json").body)["robots"]
         if one["name"] == robot
     )
 
@@ -225,10 +225,10 @@ async def test_a_visitor_drives_by_page_and_map_loses_the_architecture_gets_it_b
 ):
     browser = await asyncio.to_thread(signed_in, site, f"visitor-of-{adapter}")
     with robot_behind(adapter, site, tmp_path) as robot:
-        config = (await asyncio.to_thread(browser.get, f"/robots/{robot.series}/")).page.json[
+        config = (await asyncio.to_thread(browser.open, f"/robots/{robot.series}/")).page.json[
             "config"
         ]
-        plan = json.loads((await asyncio.to_thread(browser.get, config["floorplan"])).body)
+        plan = json.loads((await asyncio.to_thread(browser.open, config["floorplan"])).body)
         async with Cockpit(browser, config["socket"], "keyboard") as cockpit, whole_visit(cockpit):
             view = cockpit.view
             await pushes(cockpit, has_gone(robot, 0.4), "a robot that moves")

@@ -82,6 +82,7 @@ async def test_a_disk_that_does_not_answer_holds_no_command(bridge, monkeypatch,
     assert gap() < patient(0.5)
     if address == "/metrics":
         assert b"telepresence_disk_free_bytes" not in response.content
+        assert b"telepresence_disk_silent 1.0" in response.content
         assert b"telepresence_broker_connected" in response.content
     else:
         assert response.json()["disk"] == "silent"

@@ -6,6 +6,7 @@ import time
 import pytest
 from django.utils.translation import gettext, override
 
+from robots.files import limited_process
 from robots.files.limited_process import ChildLimits, ImportRefusedError, run_limited
 
 
@@ -82,6 +83,26 @@ def test_any_other_failure_comes_back_with_its_traceback():
 def test_what_reaches_a_limit_is_refused(function, arguments, limits):
     with pytest.raises(ImportRefusedError, match="too much memory or time"):
         run_limited(function, *arguments, limits=limits)
+
+
+@pytest.mark.parametrize("megabytes", [1, 30])
+def test_a_limit_that_is_reached_before_the_file_is_read_is_named(megabytes):
+    with pytest.raises(ImportRefusedError, match="too much memory or time"):
+        run_limited(use_memory, 200 * 1024**2, limits=ChildLimits(memory=megabytes * 1024**2))
+
+
+def test_a_library_that_cannot_be_loaded_is_named(monkeypatch):
+    monkeypatch.setattr(doubled, "__module__", "robots.files.not_there")
+    with pytest.raises(ImportRefusedError, match="cannot read such files just now"):
+        run_limited(doubled, b"", [])
+
+
+def test_who_waited_for_another_import_in_vain_is_told_so():
+    with (
+        limited_process._one_at_a_time,
+        pytest.raises(ImportRefusedError, match="Another import is running"),
+    ):
+        run_limited(doubled, b"", [], limits=ChildLimits(elapsed=0.1))
 
 
 def test_the_child_gets_no_secrets_from_the_environment(monkeypatch):

@@ -13,11 +13,18 @@ from django.utils import timezone
 from accounts import audit
 from accounts.models import AuditEntry, User
 from accounts.passwordless import create_guest
-from experiments.dataset.pseudonyms import Pseudonyms
 from experiments.export import reports
-from experiments.models import ConsentReceipt, Participant, Study, StudyMember
+from experiments.extraction.pseudonyms import Pseudonyms
+from experiments.models import (
+    Appointment,
+    ConsentReceipt,
+    Contact,
+    Participant,
+    Study,
+    StudyMember,
+)
 from experiments.participation import links
-from experiments.participation.withdrawal import leaving
+from experiments.participation.withdrawal import deletion
 from robots.models import Robot, RobotPermit
 from sessions import system_log
 from sessions.models import NetworkSample, Session, SessionEvent, Snapshot, SystemLog
@@ -153,6 +160,13 @@ def everything_of(user, robot: Robot) -> Participant:
     study = replays.study(status=Study.Status.PUBLISHED)
     one = replays.participant(study, user, recruitment={"PROLIFIC_PID": "recruited-as-zb"}, age=42)
     now = timezone.now()
+    Participant.objects.filter(pk=one.pk).update(recruitment_id="recruited-as-zb")
+    Contact.objects.create(
+        participant=one, email="zaphod@betelgeuse.example", site="https://x/", given_at=now
+    )
+    Appointment.objects.create(
+        participant=one, robot=robot, visit=1, starts_at=now, ends_at=now + DAY, slot="zaphod"
+    )
     row = replays.session(
         robot,
         user,
@@ -233,7 +247,7 @@ def test_nothing_is_left_of_whoever_deletes_their_account_or_is_deleted(robot, b
         "Answer",
     }
     if by == "themselves":
-        assert leaving.delete_everything(user, timezone.now())
+        assert deletion.delete_everything(user, timezone.now())
     else:
         user.delete()
     assert traces(MARKS) == []
@@ -285,6 +299,8 @@ def test_every_relation_to_a_person_is_one_that_these_tests_know():
         "Lease.wizard",
         "Study.published_by",
         "Rehearsal.ended_by",
+        "StudyKey.made_by",
+        "ResearcherInvitation.invited_by",
         "LogEntry.user",
     }
     assert relations() == own | of_staff

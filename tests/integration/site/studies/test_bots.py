@@ -58,7 +58,7 @@ def test_they_are_marked_as_bots_everywhere(site, diaries):
 def test_the_record_of_the_drive_says_what_the_bot_says(site, diaries):
     session = diaries[0]["legs"][0]["session"]
     rows = site.rows(
-        "SELECT exposed, mismatches FROM experiments_drive WHERE session_id = ?",
+        "SELECT moved, mismatches FROM experiments_drive WHERE session_id = ?",
         session.replace("-", ""),
     )
     assert rows == [(1, "[]")]

@@ -260,6 +260,7 @@ def test_the_list_tells_no_secrets(client, robots):
         "place",
         "picture",
         "state",
+        "badge",
         "label",
         "detail",
         "charge",

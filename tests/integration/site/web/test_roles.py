@@ -60,6 +60,8 @@ FOR_ALL = {
     "screen_key",
     "agent_configuration",
     "study_link",
+    "study_invitation",
+    "study_media",
     "study_code",
     "check",
     "practice",
@@ -75,6 +77,9 @@ FOR_ALL = {
     "api_robots",
     "api_robot",
     "api_act",
+    "api_study",
+    "api_participants",
+    "study_reminders_stop",
 }
 
 
@@ -196,6 +201,8 @@ def own_pages() -> list[tuple]:
         ("study", ["study.slug"], ALL, None),
         ("study_step", ["study.slug"], ALL, None),
         ("study_drive", ["study.slug"], ALL, None),
+        ("study_appointment", ["study.slug"], ALL, None),
+        ("study_return", ["study.slug"], ALL, None),
         ("study_withdraw", ["participation.code"], PARTICIPANT, None),
         ("study_withdraw", ["participation.code"], PARTICIPANT, {}),
         ("study_receipt", ["participation.code", "consent"], PARTICIPANT, None),
@@ -212,7 +219,7 @@ def research_pages() -> list[tuple]:
         ("study_live_data", ["study.slug"], VIEWERS, None),
         ("study_live_act", ["study.slug"], RESEARCHERS, {"act": "dance"}),
         ("study_wizard", ["operated.slug"], ADMINISTRATOR | {"researcher", "wizard"}, None),
-        ("study_wizard", ["study.slug"], NOBODY, None),
+        ("study_wizard", ["study.slug"], RESEARCHERS, None),
         ("study_coding", ["study.slug"], VIEWERS | {"coder"}, None),
         ("coding_scheme", ["study.slug"], RESEARCHERS, {}),
         ("code_session", ["session.pk"], CODERS, None),
@@ -248,6 +255,8 @@ def study_pages() -> list[tuple]:
         ("hours", [], VIEWERS, None),
         ("publication", [], VIEWERS, None),
         ("links", [], RESEARCHERS, None),
+        ("recruitment", [], RESEARCHERS, None),
+        ("payments", [], RESEARCHERS, None),
         ("walk_through", [], VIEWERS, None),
         ("walked_step", ["en", 1], VIEWERS, None),
         ("plan", [], VIEWERS, None),
@@ -260,17 +269,14 @@ def study_pages() -> list[tuple]:
         ("publish", [], STUDY_OWNER, None),
         ("members", [], STUDY_OWNER, {"add": "1", "person": "staff", "role": "owner"}),
         ("hours", [], STUDY_OWNER, {"time_zone": "UTC"}),
-        (
-            "publication",
-            [],
-            STUDY_OWNER,
-            {"form-TOTAL_FORMS": "0", "form-INITIAL_FORMS": "0", "doi": "10.1000/182"},
-        ),
+        ("publication", [], STUDY_OWNER, {"doi": "10.1000/182"}),
+        ("copy", [], STUDY_OWNER, None),
         ("links", [], RESEARCHERS, {"make": "1", "count": "1", "access": "open"}),
+        ("recruitment", [], RESEARCHERS, {"label": "payments"}),
     ]
     draft = [
         ("section", ["about"], STUDY_OWNER, {"do": "save"}),
-        ("section", ["steps"], STUDY_OWNER, {"do": "add:task"}),
+        ("section", ["steps"], STUDY_OWNER, {"do": "add:practice"}),
         ("part", ["steps", 0], STUDY_OWNER, {"do": "save"}),
         ("publish", [], STUDY_OWNER, {"reason": "because it is a test"}),
     ]
@@ -289,6 +295,8 @@ def study_pages() -> list[tuple]:
         ("admin:experiments_rehearsal_end", ["rehearsal.pk"], STUDY_OWNER, {}),
         ("admin:experiments_rehearsal_state", ["rehearsal.pk"], VIEWERS, None),
         ("admin:experiments_rehearsal_report", ["rehearsal.pk"], VIEWERS, None),
+        ("admin:experiments_participant_withdraw", ["participation.pk"], RESEARCHERS, None),
+        ("admin:experiments_participant_withdraw", ["participation.pk"], RESEARCHERS, {"code": ""}),
         ("admin:experiments_drive_exclude", ["drive.pk"], RESEARCHERS, None),
         (
             "admin:experiments_drive_exclude",

@@ -3,13 +3,16 @@
 #   data/<name>.csv   outcome, group, and the predictors of the model
 #   models.csv        a row a data set: where it comes from, the terms and their coding
 #   fits.csv          a row a coefficient, and the two standard deviations
-#   freedom.csv       the denominator degrees of freedom that nlme's lme gives the coefficients (its
-#                     summary) and the terms (its anova)
-# Run with: Rscript fit_with_lme4.R (Debian: r-base-core r-cran-lme4 r-cran-nlme r-cran-mass)
+#   robust.csv        what clubSandwich says by CR2 of each coefficient (standard error, degrees of
+#                     freedom of Satterthwaite) and of each term (F of "HTZ", df of its denominator;
+#                     empty where there are too few groups)
+# Run with: Rscript fit_with_lme4.R
+# (Debian: r-base-core r-cran-lme4 r-cran-nlme r-cran-mass r-cran-clubsandwich)
 
 suppressPackageStartupMessages({
   library(nlme)
   library(lme4)
+  library(clubSandwich)
 })
 here <- dirname(sub("^--file=", "", grep("^--file=", commandArgs(FALSE), value = TRUE)))
 data_of <- function(package, name) {
@@ -52,7 +55,7 @@ models <- list(
 
 told <- list()
 fits <- list()
-freedom <- list()
+robust <- list()
 for (one in models) {
   names(one) <- c("name", "package", "outcome", "group", "factors", "numbers", "terms", "coding")
   raw <- data_of(one$package, one$name)
@@ -78,22 +81,29 @@ for (one in models) {
     estimate = c(table[, "Estimate"], spread),
     error = c(table[, "Std. Error"], NA, NA)
   )
-  # of fixed effects, groups and counts alone: no matter where the search for variances ends
-  df <- lme(formula(terms(as.formula(paste("outcome ~", right)), keep.order = TRUE)), own,
-    random = ~ 1 | who, control = lmeControl(opt = "optim", returnObject = TRUE))$fixDF
-  freedom[[one$name]] <- data.frame(
-    name = one$name, what = rep(c("coefficient", "term"), c(length(df$X), length(df$terms))),
-    of = c(names(df$X), names(df$terms)), df = c(df$X, df$terms)
-  )
+  covariance <- vcovCR(fit, cluster = own$who, type = "CR2")
+  tests <- coef_test(fit, vcov = covariance, test = "Satterthwaite")
+  robust[[one$name]] <- data.frame(name = one$name, what = "coefficient", of = rownames(table),
+    error = tests$SE, df = tests[[grep("^df", names(tests))[1]]])
+  assigned <- attr(model.matrix(fit), "assign")
+  for (term in seq_len(max(assigned, 0))) {
+    found <- tryCatch(Wald_test(fit, constraints = constrain_zero(which(assigned == term)),
+      vcov = covariance, test = "HTZ"), error = function(e) NULL)
+    is_there <- !is.null(found) && isTRUE(found$df_denom > 0)
+    robust[[one$name]] <- rbind(robust[[one$name]], data.frame(name = one$name, what = "term",
+      of = strsplit(one$terms, " ")[[1]][term], error = if (is_there) found$Fstat else NA,
+      df = if (is_there) found$df_denom else NA))
+  }
   told[[one$name]] <- data.frame(
     name = one$name, package = one$package, factors = paste(one$factors, collapse = " "),
     numbers = paste(one$numbers, collapse = " "), terms = one$terms, coding = one$coding,
     R = paste(R.version$major, R.version$minor, sep = "."), lme4 = as.character(packageVersion("lme4")),
-    nlme = as.character(packageVersion("nlme"))
+    nlme = as.character(packageVersion("nlme")),
+    clubSandwich = as.character(packageVersion("clubSandwich"))
   )
   write.csv(own, file.path(here, "data", paste0(one$name, ".csv")), row.names = FALSE, quote = FALSE)
 }
 options(digits = 15)
 write.csv(do.call(rbind, told), file.path(here, "models.csv"), row.names = FALSE, quote = FALSE)
 write.csv(do.call(rbind, fits), file.path(here, "fits.csv"), row.names = FALSE, quote = FALSE, na = "")
-write.csv(do.call(rbind, freedom), file.path(here, "freedom.csv"), row.names = FALSE, quote = FALSE)
+write.csv(do.call(rbind, robust), file.path(here, "robust.csv"), row.names = FALSE, quote = FALSE, na = "")

@@ -8,24 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from experiments.analysis.dataset.columns import NETWORK, STATES
-from experiments.analysis.dataset.files import table
-from experiments.analysis.dataset.folder import put, write
-from experiments.analysis.dataset.records import (
-    Columns,
+from experiments.analysis.metrics.sessions import measure_all
+from experiments.bots.answers import Answering
+from experiments.bots.page import FormChoice, FormField
+from experiments.bots.persona import Persona
+from experiments.dataset.columns import Columns
+from experiments.dataset.files import as_csv, table_path
+from experiments.dataset.folder import put, write
+from experiments.dataset.records import (
     Dataset,
     EventRecord,
     PageRecord,
     ParticipantRecord,
     ResponseRecord,
     SessionRecord,
-    columns_of,
 )
-from experiments.bots.answers import Answering
-from experiments.bots.page import FormChoice, FormField
-from experiments.bots.persona import Persona
+from experiments.dataset.states import NO_NETWORK, NO_STATES
 from experiments.definition.schema import Condition, StudyDefinition
-from experiments.export.formats.csv import METRIC_TABLE, metric_row
+from experiments.export.formats.dataset import METRIC_TABLE, metric_row
 from experiments.participation.assignment import cells
 from robots.world.sites import load_plan
 from surveys.definition import Definition
@@ -80,8 +80,8 @@ def planted_dataset(participants: int = 24, seed: int = SEED) -> Dataset:
         tuple(responses),
         planted_questionnaires(),
         {"office": plan},
-        lambda one: states.get(one, columns_of(STATES)),
-        lambda one: network.get(one, columns_of(NETWORK)),
+        lambda one: states.get(one, NO_STATES),
+        lambda one: network.get(one, NO_NETWORK),
     )
 
 
@@ -106,7 +106,8 @@ def _drive(
         f"{who}-{place}",
         who,
         condition.robot,
-        number=place,
+        visit=1,
+        round=place,
         site=condition.site,
         condition=condition.key,
         outcome="completed",
@@ -137,7 +138,7 @@ def _answers(
     bot, values = Answering(persona, seen, NOW), {}
     for question in asked.questions():
         widget = question.item.widget(question, (), Viewing("en", 1, NOW))
-        choices = [FormChoice(one.value, one.label, chosen=False) for one in widget.choices]
+        choices = [FormChoice(one.value, one.label) for one in widget.choices]
         kind = "radio" if choices else "number"
         shown = FormField(question.key, kind, attributes=dict(widget.attributes), choices=choices)
         sent = [value for _name, value in bot.answer(shown)]
@@ -156,10 +157,6 @@ def _answers(
 def written(dataset: Dataset, folder: Path) -> Path:
     """Write the dataset with the metrics of its sessions, as an export has them."""
     write(dataset, folder)
-    told = {
-        one.id: [event for event in dataset.events if event.session == one.id]
-        for one in dataset.sessions
-    }
-    rows = [metric_row(dataset, one, told[one.id]) for one in dataset.sessions]
-    put(table("metrics", rows, METRIC_TABLE), folder)
+    rows = [metric_row(one, dataset.study.quality) for one in measure_all(dataset)]
+    put((table_path("metrics"), as_csv(METRIC_TABLE, rows)), folder)
     return folder

@@ -5,8 +5,8 @@
 #
 #   Rscript stranger.R DATASET KIND OUT.csv        (KIND: participant or bot)
 #
-# Debian: r-base-core r-cran-lme4 r-cran-nlme r-cran-jsonlite
-suppressPackageStartupMessages({library(lme4); library(nlme); library(jsonlite)})
+# Debian: r-base-core r-cran-lme4 r-cran-survival r-cran-clubsandwich r-cran-jsonlite
+suppressPackageStartupMessages({library(lme4); library(survival); library(clubSandwich); library(jsonlite)})
 arguments <- commandArgs(TRUE)
 folder <- arguments[1]; kind <- arguments[2]
 csv <- function(...) read.csv(file.path(folder, "data", paste0(..., "_data.csv")), check.names = FALSE)
@@ -23,11 +23,25 @@ tell <- function(.table, .row, ...) {
 
 study <- json("study.json")
 people <- subset(csv("description-participants"), kind == get("kind", globalenv()) & withdrawn == 0)
-sessions <- subset(csv("description-sessions"),
-  participant %in% people$id & practice == 0 & !(fault_side %in% "platform"))
-metrics <- merge(sessions[c("id", "participant", "number", "condition", "robot", "outcome", "os", "browser")],
-  csv("description-metrics"), by.x = "id", by.y = "session")
 conditions <- sapply(study$conditions, `[[`, "key")
+# conditions that one participant may have: those with the same levels of the factors between participants
+between <- Filter(function(key) is.character(key), lapply(study$factors, function(one) if (identical(one$design, "within")) NULL else one$key))
+together <- sapply(study$conditions, function(one) paste(c("", unlist(one$levels[unlist(between)])), collapse = " "))
+names(together) <- conditions
+# a drive of the task counts when it has ended, moved, and neither platform nor researcher excludes it, in the
+# cell of the participant's first one; these studies count all drives of a participant in a condition
+driven <- subset(csv("description-sessions"), participant %in% people$id & practice == 0 & !(fault_side %in% "platform") &
+  !(outcome %in% c("", NA)) & excluded %in% c("", NA) & !(is.na(first_frame) & is.na(first_motion)))
+driven$moved <- !is.na(driven$first_motion)
+of_first_cell <- function(own) subset(own, together[condition] == together[condition[match(participant, participant)]])
+sessions <- of_first_cell(subset(driven, moved))
+# success and times are also of who saw the video and never moved: the last such drive, where no drive counts
+cell_of <- function(own) paste(own$participant, own$condition)
+unmoved <- subset(driven, !moved & !(cell_of(driven) %in% cell_of(sessions)))
+tried <- of_first_cell(rbind(sessions, unmoved[!duplicated(cell_of(unmoved), fromLast = TRUE), ]))
+measured_of <- function(own) merge(own[c("id", "participant", "number", "visit", "condition", "robot", "outcome", "os", "browser", "moved")],
+  csv("description-metrics"), by.x = "id", by.y = "session")
+metrics <- measured_of(sessions); attempts <- measured_of(tried)
 orders <- setNames(strsplit(people$cell, "-"), people$id)
 
 asked <- list()
@@ -101,7 +115,7 @@ describe <- function(x, prefix = "", ordinal = FALSE) {
 }
 same <- function(x) diff(range(x)) <= 1e-9 * max(abs(x), 0)
 complete <- function(groups) {
-  shared <- Reduce(intersect, lapply(groups, names)); sapply(groups, function(one) one[shared])
+  shared <- Reduce(intersect, lapply(groups, names)); do.call(cbind, lapply(groups, function(one) one[shared]))
 }
 d_z <- function(t, n) {  # the interval by the noncentral t distribution (Steiger and Fouladi, 1997)
   bound <- function(tail) uniroot(function(ncp) pt(t, n - 1, ncp) - tail, t + c(-9, 9), tol = 1e-12, extendInt = "yes")$root
@@ -115,42 +129,148 @@ paired_means <- function(x, y) {
     Difference = mean(x - y), `Difference: from` = found$conf.int[1], `Difference: to` = found$conf.int[2]),
     d_z(unname(found$statistic), length(x)))
 }
-paired_ranks <- function(x, y) {
-  difference <- round(x - y, 9); moved <- difference[difference != 0]; n <- length(difference); m <- length(moved)
-  if (!m) return(list(`n tested` = n, Difference = 0))
-  ties <- anyDuplicated(abs(moved)) > 0
-  found <- suppressWarnings(wilcox.test(moved, exact = m <= 50 && !ties, correct = FALSE))
-  p <- found$p.value
-  if (ties && m <= 13) {  # every way to give signs to the ranks
-    ranks <- rank(abs(moved)); signs <- as.matrix(expand.grid(rep(list(0:1), m))); sums <- signs %*% ranks
-    at <- sum(ranks[moved > 0]); p <- min(1, 2 * min(mean(sums <= at), mean(sums >= at)))
+paired_ranks <- function(x, y) {  # Pratt (1959): pairs without a difference are ranked, and their ranks dropped
+  difference <- round(x - y, 9); n <- length(difference); zeros <- sum(difference == 0)
+  if (zeros == n) return(list(`n tested` = n, Difference = 0))
+  ranks <- rank(abs(difference)); ranks[difference == 0] <- 0; at <- sum(ranks[difference > 0])
+  given <- abs(difference[difference != 0]); ties <- table(given)
+  if (!zeros && !anyDuplicated(given) && n <= 50) p <- wilcox.test(difference, exact = TRUE)$p.value
+  else if (n <= 13) {  # every way to give signs to the ranks
+    sums <- as.matrix(expand.grid(rep(list(0:1), n))) %*% ranks
+    p <- min(1, 2 * min(mean(sums <= at + 1e-9), mean(sums >= at - 1e-9)))
+  } else {
+    spread <- (n * (n + 1) * (2 * n + 1) - zeros * (zeros + 1) * (2 * zeros + 1) - sum(ties^3 - ties) / 2) / 24
+    p <- 2 * pnorm(-abs(at - (n * (n + 1) - zeros * (zeros + 1)) / 4) / sqrt(spread))
   }
   walsh <- outer(difference, difference, "+"); walsh <- sort(walsh[lower.tri(walsh, diag = TRUE)] / 2)
   place <- max(0, floor(n * (n + 1) / 4 - qnorm(.975) * sqrt(n * (n + 1) * (2 * n + 1) / 24)))
-  total <- m * (m + 1) / 2; r <- 2 * unname(found$statistic) / total - 1
-  slack <- qnorm(.975) * sqrt((2 * m^3 + 3 * m^2 + m) / 6) / total
-  result <- list(`n tested` = n, Statistic = found$statistic, p = p, Difference = median(walsh),
-    `Difference: from` = walsh[place + 1], `Difference: to` = walsh[length(walsh) - place], Size = r)
-  if (abs(r) < 1) result <- c(result, list(`Size: from` = tanh(atanh(r) - slack), `Size: to` = tanh(atanh(r) + slack)))
-  result
-}
-kendall <- function(ranks) {  # of ranks within rows, with ties
-  n <- nrow(ranks); k <- ncol(ranks)
-  sum((colSums(ranks) - n * (k + 1) / 2)^2) / (n * (sum(ranks^2) - n * k * (k + 1)^2 / 4))
+  list(`n tested` = n, Statistic = at, p = p, Difference = median(walsh),
+    `Difference: from` = walsh[place + 1], `Difference: to` = walsh[length(walsh) - place], Size = 2 * at / sum(ranks) - 1)
 }
 friedman <- function(groups) {
   table <- round(complete(groups), 9); n <- nrow(table)
   if (all(table == table[, 1])) return(list(`n tested` = n))
-  found <- friedman.test(table); ranks <- t(apply(table, 1, rank))
-  set.seed(1)  # the interval is by chance: compared with a tolerance
-  drawn <- replicate(2000, kendall(ranks[sample(n, n, TRUE), ]))
-  bounds <- quantile(drawn[is.finite(drawn)], c(.025, .975))
+  found <- friedman.test(table)
   list(`n tested` = n, Statistic = found$statistic, df = found$parameter, p = found$p.value,
-    Size = unname(found$statistic) / (n * (ncol(table) - 1)), `Size: from` = bounds[[1]], `Size: to` = bounds[[2]])
+    Size = unname(found$statistic) / (n * (ncol(table) - 1)))
 }
-compared <- function(groups, test) {
-  if (length(groups) > 2) friedman(groups)
-  else { both <- complete(groups); (if (test == "ranks") paired_ranks else paired_means)(both[, 1], both[, 2]) }
+repeated <- function(groups) {  # with the correction of Greenhouse and Geisser
+  table <- complete(groups); n <- nrow(table); k <- ncol(table)
+  if (all(apply(table - table[, 1], 2, same))) return(list(`n tested` = n))
+  fit <- lm(table ~ 1); found <- anova(fit, X = ~1, test = "Spherical")
+  epsilon <- stats:::sphericity(SSD(fit), X = ~1)$GG.eps
+  f <- found[1, "F"]
+  list(`n tested` = n, Statistic = f, df = epsilon * (k - 1), `df 2` = epsilon * (k - 1) * (n - 1), p = found[1, "G-G Pr"],
+    Size = f / (f + n - 1))
+}
+mcnemar_mid <- function(x, y) {  # and the interval of Bonett and Price (2012)
+  n <- length(x); b <- sum(x > y); c <- sum(y > x); p <- (b + 1) / (n + 2); q <- (c + 1) / (n + 2)
+  slack <- qnorm(.975) * sqrt((p + q - (p - q)^2) / (n + 2))
+  found <- list(`n tested` = n, Difference = (b - c) / n, `Difference: from` = max(-1, p - q - slack),
+    `Difference: to` = min(1, p - q + slack))
+  if (b + c) c(found, list(Statistic = b, p = min(1, 2 * pbinom(min(b, c), b + c, .5) - dbinom(min(b, c), b + c, .5)))) else found
+}
+pearson <- function(groups) {  # with N - 1 (Campbell, 2007), or Boschloo's exact test, and Newcombe's interval (1998)
+  n <- lengths(groups); yes <- sapply(groups, sum); found <- list(`n tested` = sum(n))
+  if (length(groups) == 2) {
+    bounds <- mapply(function(k, n) prop.test(k, n, correct = FALSE)$conf.int, yes, n); p <- yes / n; away <- abs(bounds - rep(p, each = 2))
+    found <- c(found, list(Difference = p[[1]] - p[[2]], `Difference: from` = p[[1]] - p[[2]] - sqrt(away[1, 1]^2 + away[2, 2]^2),
+      `Difference: to` = p[[1]] - p[[2]] + sqrt(away[2, 1]^2 + away[1, 2]^2)))
+  }
+  if (sum(yes) %in% c(0, sum(n))) return(found)
+  expected <- outer(c(sum(yes), sum(n - yes)) / sum(n), n)
+  if (length(groups) == 2 && min(expected) < 1) return(c(found, boschloo(yes[[1]], n[[1]], yes[[2]], n[[2]])))
+  chi2 <- (sum(n) - 1) / sum(n) * sum((rbind(yes, n - yes) - expected)^2 / expected)
+  c(found, list(Statistic = chi2, df = length(n) - 1, p = pchisq(chi2, length(n) - 1, lower.tail = FALSE)))
+}
+boschloo <- function(a, n, b, m) {  # Fisher's p of each side is the statistic of an exact unconditional test
+  tables <- expand.grid(x = 0:n, y = 0:m)
+  one_sided <- function(lower) {
+    fisher <- mapply(function(x, y) phyper(if (lower) x else x - 1, n, m, x + y, lower.tail = lower), tables$x, tables$y)
+    at <- fisher[tables$x == a & tables$y == b]; as_extreme <- tables[fisher <= at * (1 + 1e-9), ]
+    chance <- function(q) sum(dbinom(as_extreme$x, n, q) * dbinom(as_extreme$y, m, q))
+    grid <- seq(0, 1, length.out = 2001); best <- grid[which.max(sapply(grid, chance))]
+    top <- optimize(chance, pmin(1, pmax(0, best + c(-.001, .001))), maximum = TRUE, tol = 1e-12)$objective
+    c(at, max(top, chance(best)))
+  }
+  sides <- cbind(one_sided(TRUE), one_sided(FALSE)); chosen <- sides[, which.min(sides[2, ])]
+  list(Statistic = chosen[1], p = min(1, 2 * chosen[2]))
+}
+# tests of drives, by what they are: of different participants, of the same ones, or of some of both
+compare_drives <- function(kind, own) {
+  own <- own[order(own$side), ]
+  people <- tapply(own$participant, own$side, function(who) length(unique(who)))
+  own <- own[own$side %in% names(people)[!is.na(people) & people > 1], ]; own$side <- droplevels(own$side)
+  if (nlevels(own$side) < 2) return(list(`n tested` = 0))
+  groups <- lapply(split(own, own$side), function(one) setNames(one$value, one$participant))
+  single <- !anyDuplicated(own[c("participant", "side")]); apart <- !anyDuplicated(own$participant)
+  shared <- Reduce(intersect, lapply(groups, names))
+  if (kind == "times" && apart) return(log_rank(own))
+  if (kind == "proportions" && single && apart) return(pearson(groups))
+  if (kind != "proportions" || !single || !length(shared)) return(clustered(kind, own))
+  both <- complete(groups)
+  if (length(groups) > 2) friedman(groups) else mcnemar_mid(both[, 1], both[, 2])
+}
+log_rank <- function(own) {
+  found <- survdiff(Surv(value, weight) ~ side, own); q <- nlevels(own$side) - 1
+  test <- list(`n tested` = nrow(own), Statistic = found$chisq, df = q, p = pchisq(found$chisq, q, lower.tail = FALSE))
+  ratio <- if (q == 1) clustered("times", own)
+  c(test, ratio[grep("^Size", names(ratio))])
+}
+# the robust score test of some columns of a model, whose other columns are fitted: a list of F, df and df 2
+score_test <- function(kind, own, x, at) {
+  others <- setdiff(seq_len(ncol(x)), at); n <- length(unique(own$participant)); q <- length(at)
+  if (n <= q + 1 || same(if (kind == "counts") own$value / own$weight else own$value)) return(list(`n tested` = n))
+  if (kind == "times") {
+    fitted <- rep(0, ncol(x))
+    if (length(others)) fitted[others] <- coef(coxph(Surv(value, weight) ~ x[, others], own, ties = "breslow", control = EXACT))
+    fit <- suppressWarnings(coxph(Surv(value, weight) ~ x, own, ties = "breslow", init = fitted, control = coxph.control(iter.max = 0)))
+    scores <- as.matrix(residuals(fit, "score")); information <- solve(fit$var)
+    scores <- if (!length(others)) scores[, at, drop = FALSE] else
+      scores[, at, drop = FALSE] - scores[, others, drop = FALSE] %*% solve(information[others, others], information[others, at])
+  } else {
+    x <- cbind(1, x); others <- c(1, others + 1); rest <- x[, others, drop = FALSE]; columns <- x[, at + 1, drop = FALSE]
+    family <- if (kind == "counts") poisson() else binomial()
+    fit <- glm(value ~ rest - 1, family, own, offset = if (kind == "counts") log(own$weight), epsilon = 1e-12)
+    w <- family$variance(fitted(fit)); if (min(w) < 1e-6 * max(w)) return(list(`n tested` = n))  # others separate
+    explained <- rest %*% solve(crossprod(rest, w * rest), crossprod(rest, w * columns))
+    scores <- (columns - explained) * (own$value - fitted(fit))
+  }
+  summed <- rowsum(scores, own$participant); summed[abs(summed) <= 1e-9 * max(abs(scores))] <- 0; covariance <- cov(summed)
+  if (qr(covariance)$rank < q) return(list(`n tested` = n))
+  f <- drop(colMeans(summed) %*% solve(covariance, colMeans(summed))) * n * (n - q) / (q * (n - 1))
+  list(`n tested` = n, Statistic = f, df = q, `df 2` = n - q, p = pf(f, q, n - q, lower.tail = FALSE))
+}
+EXACT <- coxph.control(eps = 1e-12, toler.chol = 1e-13, toler.inf = 1e-9, iter.max = 100)
+# coefficients of a model and their errors by participants; NULL where the data separate
+coefficients_of <- function(kind, own, x) {
+  n <- length(unique(own$participant))
+  if (kind == "times") {
+    fit <- tryCatch(coxph(Surv(value, weight) ~ x + cluster(participant), own, ties = "breslow", control = EXACT),
+      warning = function(w) NULL)  # an estimate runs to infinity
+    if (is.null(fit)) return(NULL)
+    found <- list(b = -coef(fit), error = sqrt(diag(vcov(fit)) * n / (n - 1)), df = n - 1 - ncol(x))
+  } else {
+    fit <- suppressWarnings(glm(value ~ x, if (kind == "counts") poisson() else binomial(), own, offset = if (kind == "counts") log(own$weight), epsilon = 1e-12, maxit = 50))
+    if (any(abs(coef(fit)) > 12)) return(NULL)
+    found <- list(b = coef(fit), error = sqrt(diag(vcovCR(fit, cluster = own$participant, type = "CR3"))), df = n - 1 - ncol(x))
+  }
+  if (isTRUE(all(c(abs(found$b), found$error) <= 12))) found
+}
+# the score test of sides whose drives of one participant are a cluster, and of two the ratio between them
+clustered <- function(kind, own) {
+  own$side <- droplevels(own$side); contrasts(own$side) <- contr.sum(nlevels(own$side))
+  x <- model.matrix(~ side, own)[, -1, drop = FALSE]; found <- score_test(kind, own, x, seq_len(ncol(x)))
+  fit <- if (ncol(x) == 1) coefficients_of(kind, own, x)
+  if (is.null(fit)) return(found)
+  b <- tail(fit$b, 1); slack <- qt(.975, fit$df) * tail(fit$error, 1)
+  c(found, list(Size = exp(2 * b), `Size: from` = exp(2 * (b - slack)), `Size: to` = exp(2 * (b + slack))))
+}
+compared <- function(groups, test) {  # a condition of fewer than two participants is left out
+  groups <- groups[lengths(groups) > 1]; if (length(groups) < 2) return(list(`n tested` = 0))
+  both <- complete(groups); if (nrow(both) < 2) return(list(`n tested` = nrow(both)))
+  if (length(groups) > 2) (if (test == "ranks") friedman else repeated)(groups)
+  else (if (test == "ranks") paired_ranks else paired_means)(both[, 1], both[, 2])
 }
 # p values of a table by Holm's method, in which rows of the same data are one test
 tell_family <- function(table, found, data) {
@@ -171,9 +291,56 @@ compare_table <- function(table, measures, labels, ordinal, keys = conditions, t
 
 # --- tables by condition -------------------------------------------------------------------------
 
-compared_metrics <- c("total_time", "task_time", "time_to_motion", "docking_time", "path", "efficiency",
+compared_metrics <- c("completed", "task_time", "time_to_motion", "docking_time", "path", "efficiency",
   "speed", "stops", "collisions", "near_seconds")
-compare_table("conditions", compared_metrics, compared_metrics, FALSE)
+kinds <- c(completed = "proportions", task_time = "times", time_to_motion = "times", stops = "counts", collisions = "counts")
+per_minute <- c("stops", "collisions", "near_seconds"); of_completed <- "path"
+label_of <- function(name) if (name %in% per_minute) paste(name, "per min") else if (name %in% of_completed) paste(name, "(completed)") else name
+minutes <- function(own) own$total_time * own$seen / 60
+# a metric as it may be compared between sessions of unequal length
+comparable <- function(own, name) {
+  value <- own[[name]]
+  if (name %in% per_minute) ifelse(minutes(own) > 0, value / minutes(own), NA)
+  else if (name %in% of_completed) ifelse(own$outcome == "completed", value, NA) else value
+}
+drives_of <- function(own, name, kind) {
+  found <- data.frame(participant = own$participant, side = own$side, value = own[[name]], weight = 1)
+  if (kind == "counts") { found$weight <- minutes(own); found <- found[is.finite(found$value) & is.finite(found$weight) & found$weight > 0, ] }
+  if (kind == "times") {
+    never <- !is.finite(found$value); found$value[never] <- own$total_time[never]; found$weight[never] <- 0
+  }
+  found[is.finite(found$value), ]
+}
+named_mean <- function(value, who) { known <- is.finite(value); found <- tapply(value[known], who[known], mean); found[!is.na(found)] }
+# the drives of each side: a mean a participant, and what is told of them, of times the median by Kaplan and Meier
+groups_of <- function(drives, kind) lapply(split(drives, drives$side), function(one)
+  named_mean(if (kind == "counts") one$value / one$weight else one$value, one$participant))
+tell_sides <- function(table, row, drives, kind) for (key in levels(drives$side)) {
+  numbers <- describe(groups_of(drives, kind)[[key]], paste0(key, ": "), TRUE)
+  if (kind == "times") {
+    one <- drives[drives$side == key, ]; numbers <- numbers[1]
+    if (any(one$weight > 0)) numbers[[paste0(key, ": median")]] <- summary(survfit(Surv(value, weight) ~ 1, one))$table[["median"]]
+  }
+  do.call(tell, c(list(table, row), numbers))
+}
+# a table of metrics between sides of sessions, by what kind of number each is
+metrics_table <- function(table, own, names) {
+  found <- list(); data <- list(); keys <- levels(own$side); attempts <- own
+  for (name in names) {
+    kind <- if (name %in% names(kinds)) kinds[[name]] else "means"; row <- label_of(name)
+    own <- if (kind %in% c("proportions", "times")) attempts else subset(attempts, moved)
+    drives <- if (kind != "means") drives_of(own, name, kind)
+    if (kind == "means") {
+      groups <- lapply(setNames(nm = keys), function(key) { one <- own[own$side == key, ]; named_mean(comparable(one, name), one$participant) })
+      for (key in keys) do.call(tell, c(list(table, row), describe(groups[[key]], paste0(key, ": "), TRUE)))
+    } else { groups <- groups_of(drives, kind); tell_sides(table, row, drives, kind) }
+    found[[row]] <- if (kind == "means") compared(groups, "means") else compare_drives(kind, drives)
+    data[[row]] <- groups
+  }
+  tell_family(table, found, data)
+}
+attempts$side <- factor(attempts$condition, levels = conditions)
+metrics_table("conditions", attempts, compared_metrics)
 
 title_of <- function(slug, key) {
   for (topic in asked[[slug]]$topics) if (topic$key == key) return(topic$text$en)
@@ -270,15 +437,13 @@ for (name in names(csv("description-metrics"))[-(1:3)]) {
 }
 wilson <- function(k, n) as.list(100 * prop.test(k, n, correct = FALSE)$conf.int)
 for (key in c(conditions, "all")) {
-  own <- if (key == "all") sessions else sessions[sessions$condition == key, ]
+  own <- if (key == "all") tried else tried[tried$condition == key, ]
   done <- sum(own$outcome == "completed"); bounds <- suppressWarnings(wilson(done, nrow(own)))
-  counts <- as.list(table(own$outcome)); names(counts)[names(counts) == ""] <- "not ended"
+  counts <- as.list(table(factor(own$outcome, unique(tried$outcome))))
   do.call(tell, c(list("outcomes", key, Participants = length(unique(own$participant)), Sessions = nrow(own),
     `% completed` = 100 * done / nrow(own), from = bounds[[1]], to = bounds[[2]]), counts))
 }
-mean_of <- function(name) {
-  own <- metrics[is.finite(metrics[[name]]), ]; tapply(own[[name]], own$participant, mean)
-}
+mean_of <- function(name) named_mean(comparable(metrics, name), metrics$participant)
 causes <- c("round_trip", "loss", "command_age", "frame_age", "fps")
 pairs <- expand.grid(driving = compared_metrics, network = causes, stringsAsFactors = FALSE)
 correlations <- lapply(seq_len(nrow(pairs)), function(n) {
@@ -293,13 +458,13 @@ spearman <- lapply(correlations, function(one) {
   c(found, list(Statistic = rho, df = n - 2, p = 2 * pt(-abs(t), n - 2), Size = rho,
     `Size: from` = tanh(atanh(rho) - slack), `Size: to` = tanh(atanh(rho) + slack)))
 })
-names(spearman) <- paste(pairs$network, pairs$driving, sep = "|")
+names(spearman) <- paste(pairs$network, sapply(pairs$driving, label_of), sep = "|")
 tell_family("network-effects", spearman, correlations)
 
-learnt <- c("total_time", "task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
+learnt <- c("task_time", "efficiency", "speed", "stops", "near_seconds", "collisions")
 class_row <- function(table, row, own) {
   if (!nrow(own)) return(tell(table, row, Participants = 0, Sessions = 0))
-  medians <- setNames(lapply(learnt, function(name) median(own[[name]], na.rm = TRUE)), paste0(learnt, ", median"))
+  medians <- setNames(lapply(learnt, function(name) median(comparable(own, name), na.rm = TRUE)), paste0(sapply(learnt, label_of), ", median"))
   do.call(tell, c(list(table, row, Participants = length(unique(own$participant)), Sessions = nrow(own),
     `% completed` = 100 * mean(own$outcome == "completed")), medians[!is.na(medians)]))
 }
@@ -314,15 +479,18 @@ for (cause in causes) {
 }
 for (way in c("datachannel", "mqtt"))
   class_row("network-classes", paste("control way", way, sep = "|"), metrics[which(metrics[[paste0("share_", way)]] > .5), ])
-for (number in sort(unique(metrics$number)))
-  class_row("learning", paste("session", number, sep = "|"), metrics[metrics$number == number, ])
-of_session <- function(name, number) {
-  own <- metrics[metrics$number == number & is.finite(metrics[[name]]), ]; setNames(own[[name]], own$participant)
+# visits of a participant in order, and what was driven on the first two of them
+metrics$turn <- ave(metrics$visit, metrics$participant, FUN = function(visit) match(visit, sort(unique(visit))))
+for (turn in sort(unique(metrics$turn)))
+  class_row("learning", paste("visit", turn, sep = "|"), metrics[metrics$turn == turn, ])
+cells <- paste(metrics$participant, metrics$condition)
+again <- metrics[cells %in% intersect(cells[metrics$turn == 1], cells[metrics$turn == 2]) & metrics$turn %in% 1:2, ]
+if (!nrow(again)) {
+  for (name in c("completed", learnt)) tell("learning-tests", label_of(name), `second: n` = 0, `first: n` = 0, `n tested` = 0)
+} else {
+  again$side <- factor(ifelse(again$turn == 2, "second", "first"), levels = c("second", "first"))
+  metrics_table("learning-tests", again, c("completed", learnt))
 }
-turns <- lapply(learnt, function(name) list(second = of_session(name, 2), first = of_session(name, 1)))
-for (n in seq_along(learnt)) for (turn in names(turns[[n]]))
-  do.call(tell, c(list("learning-tests", learnt[n]), describe(turns[[n]][[turn]], paste0(turn, ": "))))
-tell_family("learning-tests", setNames(lapply(turns, compared, "means"), learnt), turns)
 
 middle <- function(own, name) { x <- own[[name]]; if (all(is.na(x))) NULL else median(x, na.rm = TRUE) }
 for (condition in study$conditions) {
@@ -366,40 +534,90 @@ ours <- function(names, keys, sums) {  # R's names of coefficients as ours: peri
   }
   sub("(Intercept)", "(intercept)", names, fixed = TRUE)
 }
+contrast_table <- function(table, one, measures, own, test) {
+  found <- list(); data <- list()
+  for (measure in measures) for (side in one$contrasts) {
+    drives <- drives_of(own, measure, test); row <- paste(measure, side$title$en, sep = "|")
+    drives$side <- factor(ifelse(drives$side %in% unlist(side$first), "first", ifelse(drives$side %in% unlist(side$second), "second", NA)))
+    drives <- drives[!is.na(drives$side), ]; tell_sides(table, row, drives, test)
+    found[[row]] <- compare_drives(test, drives); data[[row]] <- groups_of(drives, test)
+  }
+  tell_family(table, found, data)
+}
+model_table <- function(table, one, measures, own, test) {
+  effects <- unlist(one$effects); keys <- unique(unlist(strsplit(effects, ":"))); family <- list()
+  for (measure in measures) {
+    drives <- drives_of(own, measure, test); formula <- as.formula(paste("~", paste(effects, collapse = " + ")))
+    for (key in keys) {
+      level <- sapply(study$conditions, function(one) one$levels[[key]])
+      drives[[key]] <- factor(level[match(drives$side, conditions)], levels = levels_of(key))
+      contrasts(drives[[key]]) <- contr.sum(nlevels(drives[[key]]))
+    }
+    matrix <- model.matrix(formula, drives); assigned <- attr(matrix, "assign")[-1]; x <- matrix[, -1, drop = FALSE]
+    fit <- coefficients_of(test, drives, x); names <- ours(if (test == "times") colnames(x) else colnames(matrix), keys, TRUE)
+    for (n in seq_along(fit$b)) {
+      slack <- qt(.975, fit$df) * fit$error[n]; t <- fit$b[[n]] / fit$error[[n]]
+      tell(paste0(table, "-coefficients"), paste(measure, names[n], sep = "|"), Estimate = fit$b[[n]], from = fit$b[[n]] - slack,
+        to = fit$b[[n]] + slack, SE = fit$error[[n]], t = t, df = fit$df, p = 2 * pt(-abs(t), fit$df))
+    }
+    terms <- attr(terms(formula), "term.labels")
+    for (n in seq_along(terms)) {
+      at <- which(assigned == n); tested <- score_test(test, drives, x, at)
+      row <- c(list(Participants = tested[[1]], Observations = nrow(drives)), tested[-1])
+      if (length(fit$b) && length(at) == 1 && !grepl(":", terms[n])) {  # first less second level
+        place <- at + length(fit$b) - ncol(x); slack <- qt(.975, fit$df) * fit$error[[place]]; b <- fit$b[[place]]
+        row <- c(row, list(Difference = 2 * b, `Difference: from` = 2 * (b - slack), `Difference: to` = 2 * (b + slack)))
+      }
+      family[[paste(measure, terms[n], sep = "|")]] <- row
+    }
+  }
+  adjusted <- p.adjust(sapply(family, function(one) if (is.null(one$p)) NA else one$p), "holm")
+  for (n in seq_along(family)) do.call(tell, c(list(table, names(family)[n]), family[[n]], `p (Holm)` = adjusted[[n]]))
+}
 for (one in study$analyses) {
   table <- paste0("analysis-", gsub("_", "-", one$key)); measures <- unlist(one$measures)
   test <- if (is.null(one$test)) "means" else one$test
-  if (test == "mixed") {
+  if (test %in% c("proportions", "counts", "times")) {
+    own <- attempts; own$side <- own$condition; if (test == "counts") own <- subset(own, moved)
+    (if (length(one$effects)) model_table else contrast_table)(table, one, measures, own, test)
+  } else if (test == "mixed") {
     effects <- unlist(one$effects); keys <- unique(unlist(strsplit(effects, ":"))); sums <- identical(one$coding, "sum")
     family <- list()
     for (measure in measures) {
-      own <- long(measure)
-      for (key in keys) {
-        own[[key]] <- factor(own[[key]], levels = levels_of(key))
-        contrasts(own[[key]]) <- if (sums) contr.sum(nlevels(own[[key]])) else contr.treatment(levels(own[[key]]))
+      own <- long(measure); right <- paste(effects, collapse = " + ")
+      coded <- function(own, sums) {
+        for (key in keys) {
+          own[[key]] <- factor(own[[key]], levels = levels_of(key))
+          contrasts(own[[key]]) <- if (sums) contr.sum(nlevels(own[[key]])) else contr.treatment(levels(own[[key]]))
+        }
+        suppressMessages(lmer(as.formula(paste("value ~", right, "+ (1 | participant)")), own,
+          control = lmerControl(optimizer = "bobyqa", optCtrl = list(rhoend = 1e-11))))
       }
-      right <- paste(effects, collapse = " + ")
-      fit <- suppressMessages(lmer(as.formula(paste("value ~", right, "+ (1 | participant)")), own,
-        control = lmerControl(optimizer = "bobyqa", optCtrl = list(rhoend = 1e-11))))
-      degrees <- lme(as.formula(paste("value ~", right)), own, ~ 1 | participant)  # for its degrees of freedom
-      estimates <- coef(summary(fit)); freedom <- summary(degrees)$tTable[, "DF"]
-      rownames(estimates) <- ours(rownames(estimates), keys, sums)
-      for (n in seq_len(nrow(estimates))) {
-        value <- estimates[n, 1]; error <- estimates[n, 2]; df <- freedom[[n]]; slack <- qt(.975, df) * error
-        tell(paste0(table, "-coefficients"), paste(measure, rownames(estimates)[n], sep = "|"), Estimate = value,
+      fit <- coded(own, sums); estimates <- fixef(fit)
+      tests <- coef_test(fit, vcov = vcovCR(fit, cluster = own$participant, type = "CR2"), test = "Satterthwaite")
+      named <- ours(names(estimates), keys, sums); degrees <- tests[[grep("^df", names(tests))[1]]]
+      for (n in seq_along(estimates)) {
+        value <- estimates[[n]]; error <- tests$SE[n]; df <- degrees[n]; slack <- qt(.975, df) * error
+        tell(paste0(table, "-coefficients"), paste(measure, named[n], sep = "|"), Estimate = value,
           from = value - slack, to = value + slack, SE = error, t = value / error, df = df, p = 2 * pt(-abs(value / error), df))
       }
       spread <- as.data.frame(VarCorr(fit))$sdcor
       for (n in 1:3) tell(paste0(table, "-coefficients"), paste(measure, c("SD participants", "SD residual", "ICC")[n], sep = "|"),
         Estimate = c(spread, spread[1]^2 / sum(spread^2))[n])
-      marginal <- anova(degrees, type = "marginal"); assigned <- attr(getME(fit, "X"), "assign")
-      if (is.null(assigned)) assigned <- attr(model.matrix(fit), "assign")
-      terms <- attr(terms(fit), "term.labels"); covariance <- as.matrix(vcov(fit))
-      for (n in seq_along(terms)) {  # Wald's F with the estimates of lme4
-        at <- which(assigned == n); b <- fixef(fit)[at]
-        f <- drop(b %*% solve(covariance[at, at, drop = FALSE], b)) / length(at); df <- marginal[terms[n], c("numDF", "denDF")]
-        family[[paste(measure, terms[n], sep = "|")]] <- list(Participants = length(unique(own$participant)),
-          Observations = nrow(own), Statistic = f, df = df[[1]], `df 2` = df[[2]], p = pf(f, df[[1]], df[[2]], lower.tail = FALSE))
+      fit <- coded(own, TRUE)  # terms are tested in sum coding, whatever is printed
+      covariance <- vcovCR(fit, cluster = own$participant, type = "CR2"); assigned <- attr(model.matrix(fit), "assign")
+      tests <- coef_test(fit, vcov = covariance, test = "Satterthwaite"); degrees <- tests[[grep("^df", names(tests))[1]]]
+      terms <- attr(terms(fit), "term.labels")
+      for (n in seq_along(terms)) {
+        at <- which(assigned == n); found <- Wald_test(fit, constraints = constrain_zero(at), vcov = covariance, test = "HTZ")
+        row <- list(Participants = length(unique(own$participant)), Observations = nrow(own), Statistic = found$Fstat,
+          df = length(at), `df 2` = found$df_denom, p = found$p_val)
+        if (length(at) == 1 && !grepl(":", terms[n])) {  # first less second level
+          slack <- qt(.975, degrees[at]) * tests$SE[at]
+          row <- c(row, list(Difference = 2 * fixef(fit)[[at]], `Difference: from` = 2 * (fixef(fit)[[at]] - slack),
+            `Difference: to` = 2 * (fixef(fit)[[at]] + slack)))
+        }
+        family[[paste(measure, terms[n], sep = "|")]] <- row
       }
     }
     adjusted <- p.adjust(sapply(family, `[[`, "p"), "holm")

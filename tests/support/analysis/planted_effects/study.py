@@ -1,5 +1,6 @@
-"""A study whose answers are known: every participant drives with and without assistance, on the
-usual page and on the one for novices, and bots have opinions that depend on it as `EFFECTS` say.
+"""Two studies whose answers are known. In the first, every participant drives with and without
+assistance, on the usual page and on the one for novices, and bots have opinions that depend on it
+as `EFFECTS` say.
 
 - Workload (raw NASA-TLX): assistance lowers it: a main effect.
 - Usability (SUS): assistance is liked on the usual page alone: an interaction, and none of the two
@@ -9,8 +10,14 @@ usual page and on the one for novices, and bots have opinions that depend on it 
 
 Nothing else is planted: neither in these scores, nor in the other four of the Godspeed, nor in the
 statements of Table 5.
+
+In the second, the outcomes are success and the time to it. Participants drive with or without a
+brake at obstacles, which no page shows before the video: those who leave before it are drawn again.
+A door that is not on the way is once open and once shut. Bots with the brake are slow, and many do
+not finish in time; the door changes nothing.
 """
 
+from collections.abc import Sequence
 from itertools import product
 from typing import Any
 
@@ -56,42 +63,52 @@ PLANTED = {
 }
 
 
+# Endings of the bots, in turn: of sixteen, twelve take part to the end.
+ENDINGS = (*["completes"] * 12, "never_moves", "takes_the_robot_again", "lets_the_time_run_out")
+ENDINGS += ("withdraws",)
+
+
 def effects() -> list[Effect]:
     return [effect(text) for text in EFFECTS]
 
 
-def planted_study(*, minutes: float = 5.0) -> StudyDefinition:
-    """The study: the course is over in half a minute, the questions follow each drive."""
+def planted_study(*, minutes: float = 2.0) -> StudyDefinition:
+    """The first study: the course is over in half a minute, the questions follow each drive."""
     written = msgspec.to_builtins(short_study(minutes=minutes))
+    return _study(
+        written,
+        ASKED,
+        slug=SLUG,
+        title={"en": "Assistance and page", "es": "Asistencia y página"},
+        factors=[
+            _factor("help", "Assistance", ASSIST.values()),
+            _factor("page", "Page", PAGES.values()),
+        ],
+        conditions=[
+            _condition(written["conditions"][0], assist, page)
+            for assist, page in product(ASSIST, PAGES)
+        ],
+        analyses=ANALYSES,
+        plan=PLAN,
+    )
+
+
+def _study(written: dict[str, Any], asked: Sequence[str], **fields: Any) -> StudyDefinition:
+    """Return a study with other fields, whose drives and questionnaires are repeated."""
     steps = [one for one in written["steps"] if one["kind"] in {"consent", "form", "instructions"}]
     task = next(one for one in written["steps"] if one["kind"] == "task")
-    asked = [
+    asking = [
         {"kind": "questionnaire", "key": slug, "questionnaire": slug, "repeat": True}
         | {"title": {"en": slug.upper(), "es": slug.upper()}}
-        for slug in ASKED
+        for slug in asked
     ]
     thanks = next(one for one in written["steps"] if one["kind"] == "debrief")
-    return msgspec.convert(
-        {
-            **written,
-            "slug": SLUG,
-            "title": {"en": "Assistance and page", "es": "Asistencia y página"},
-            "steps": [*steps, {**task, "repeat": True}, *asked, thanks],
-            "factors": [
-                _factor("help", "Assistance", ASSIST.values()),
-                _factor("page", "Page", PAGES.values()),
-            ],
-            "conditions": [
-                _condition(written["conditions"][0], assist, page)
-                for assist, page in product(ASSIST, PAGES)
-            ],
-            "allocation": {"design": "within", "order": "balanced"},
-            "analysis": {"counts": "all", "interval": "t"},
-            "analyses": ANALYSES,
-            "plan": PLAN,
-        },
-        StudyDefinition,
-    )
+    common = {
+        "steps": [*steps, {**task, "repeat": True, "last_minutes": 0.5}, *asking, thanks],
+        "allocation": {"design": "within", "order": "balanced"},
+        "analysis": {"counts": "all", "interval": "t"},
+    }
+    return msgspec.convert({**written, **common, **fields}, StudyDefinition)
 
 
 def planted_questionnaires() -> tuple[Definition, ...]:
@@ -100,9 +117,9 @@ def planted_questionnaires() -> tuple[Definition, ...]:
     return tuple(msgspec.structs.replace(one, template=False) for one in asked)
 
 
-def _factor(key: str, title: str, levels: Any) -> dict[str, Any]:
+def _factor(key: str, title: str, levels: Any, design: str = "within") -> dict[str, Any]:
     own = [{"key": level, "title": {"en": name, "es": name}} for level, name in levels]
-    return {"key": key, "title": {"en": title, "es": title}, "design": "within", "levels": own}
+    return {"key": key, "title": {"en": title, "es": title}, "design": design, "levels": own}
 
 
 def _condition(usual: dict[str, Any], assist: str, page: str) -> dict[str, Any]:
@@ -173,4 +190,96 @@ PLAN = {
     ],
     "families": [{"key": "all", "hypotheses": ["h1", "h2", "h3", "h4"]}],
     "participants": 24,
+}
+
+
+# --- the second study: success, and the time to it ------------------------------------------------
+
+SUCCESS_SLUG = "planted-success"
+SUCCESS_EFFECTS = ["pace@assist=slow:-6.0"]
+SUCCESS_ENDINGS = (*["completes"] * 7, "leaves_midway", "never_moves", "takes_the_robot_again")
+SUCCESS_MINUTES = 0.95  # enough for a bot without the brake, if the computer is not late
+CHECKPOINT = {"x": 5.0, "y": 3.0}
+DOORS = {(): ("open", "Door open"), ("lounge-door",): ("shut", "Door shut")}
+BRAKE = {"off": ("alone", "Alone"), "slow": ("braked", "Braked")}
+SUCCESS_PLANTED = {("completed", "help"), ("task_time", "help")}
+
+
+def success_study(*, minutes: float = SUCCESS_MINUTES) -> StudyDefinition:
+    """The second study: a longer course, and too little time for slow drivers."""
+    written = msgspec.to_builtins(short_study(minutes=minutes))
+    (course,) = written["courses"]
+    dock, near = course["checkpoints"]
+    return _study(
+        written,
+        ["experience"],
+        slug=SUCCESS_SLUG,
+        title={"en": "Brake and door", "es": "Freno y puerta"},
+        factors=[
+            _factor("door", "Door", DOORS.values()),
+            _factor("help", "Brake", BRAKE.values(), "between"),
+        ],
+        courses=[{**course, "checkpoints": [dock, {**near, **CHECKPOINT}]}],
+        conditions=[
+            _braked(written["conditions"][0], assist, shut)
+            for assist, shut in product(BRAKE, DOORS)
+        ],
+        analyses=[
+            _analysis("success", "Success", measures=["completed"], **_by_contrasts("proportions")),
+            _analysis("times", "Times", measures=["task_time"], **_by_contrasts("times")),
+            _analysis("success_model", "Success, by factors", **_by_effects("proportions")),
+            _analysis("times_model", "Times, by factors", **_by_effects("times")),
+        ],
+        plan=SUCCESS_PLAN,
+    )
+
+
+def _braked(usual: dict[str, Any], assist: str, shut: tuple[str, ...]) -> dict[str, Any]:
+    (brake, brake_title), (door, door_title) = BRAKE[assist], DOORS[shut]
+    title = f"{door_title}, {brake_title}"
+    return {
+        **usual,
+        "key": f"{door}_{brake}",
+        "title": {"en": title, "es": title},
+        "levels": {"door": door, "help": brake},
+        "assist": assist,
+        "doors_closed": shut,
+    }
+
+
+def _by_contrasts(test: str) -> dict[str, Any]:
+    """Contrasts of different participants with a drive each and with two, and of the same ones."""
+    alone, braked = ["open_alone", "shut_alone"], ["open_braked", "shut_braked"]
+    pairs = [
+        _contrast("Alone − braked", alone, braked),
+        _contrast("Alone − braked, door open", alone[:1], braked[:1]),
+        _contrast("Alone − braked, door shut", alone[1:], braked[1:]),
+        _contrast("Door open − shut, alone", alone[:1], alone[1:]),
+        _contrast("Door open − shut, braked", braked[:1], braked[1:]),
+    ]
+    return {"test": test, "contrasts": pairs}
+
+
+def _by_effects(test: str) -> dict[str, Any]:
+    measure = {"proportions": "completed", "times": "task_time"}[test]
+    effects = ["help", "door", "help:door"]
+    return {"measures": [measure], "test": test, "effects": effects, "coding": "sum"}
+
+
+def _success_hypothesis(key: str, text: str, measure: str, effect: str) -> dict[str, Any]:
+    analysis = {"completed": "success_model", "task_time": "times_model"}[measure]
+    about = {"analysis": analysis, "measures": [measure], "effect": effect}
+    return {"key": key, "text": text, **about}
+
+
+SUCCESS_PLAN = {
+    "question": "What do brake and door change?",
+    "hypotheses": [
+        _success_hypothesis("h1", "The brake changes success.", "completed", "help"),
+        _success_hypothesis("h2", "The brake changes the time.", "task_time", "help"),
+        _success_hypothesis("h3", "The door changes success.", "completed", "door"),
+        _success_hypothesis("h4", "The door changes the time.", "task_time", "door"),
+    ],
+    "families": [{"key": "all", "hypotheses": ["h1", "h2", "h3", "h4"]}],
+    "participants": 40,
 }

@@ -6,9 +6,9 @@ tests/integration/site/studies/test_planted_study.py.
 
 import pytest
 
-from experiments.analysis.dataset.folder import read
 from experiments.analysis.report import reports
 from experiments.analysis.tables.table import as_csv
+from experiments.dataset.folder import read
 from tests.support.analysis.planted_effects.agreement import (
     SCRIPT,
     by_the_report,

@@ -4,8 +4,7 @@ import dataclasses
 
 import pytest
 
-from experiments.bots.driver import Driver, Guide
-from experiments.bots.steering import SpeedSetting
+from experiments.bots.driver import Driver, Guide, SpeedSetting
 from experiments.bots.view import View
 from experiments.definition.course import lay_out
 from experiments.definition.shipped import shipped
@@ -97,7 +96,7 @@ class Rig:
         )
 
     def think(self):
-        cue = self.engine.cue
+        cue = self.engine.progress.cue
         x, y = cue.target or (None, None)
         self.view.task = Task(session="s", stamp=self.now, cue=cue.key, number=cue.number, x=x, y=y)
         self.view.pose, self.view.docked, self.view.contact = (
@@ -117,14 +116,14 @@ class Rig:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("key", [condition.key for condition in STUDY.conditions])
-def test_a_bot_completes_every_condition_of_the_papers_study_without_touching_anything(key):
+def test_bot_completes_each_condition_of_the_papers_study_without_a_collision(key):
     condition = STUDY.condition(key)
     rig = Rig(condition)
     result = rig.run(600.0)
     assert result.outcome == "completed", (
         rig.now,
         rig.view.pose,
-        rig.engine.cue,
+        rig.engine.progress.cue,
         rig.driver.closed,
         rig.driver.no_way,
     )
@@ -137,13 +136,13 @@ def test_a_bot_completes_every_condition_of_the_papers_study_without_touching_an
         assert rig.photos == 1
 
 
-def test_a_bot_that_wants_no_photo_skips_it_and_docks():
+def test_bot_skips_the_photo_and_docks():
     rig = Rig(STUDY.condition("giraff_open"), skips=True)
     result = rig.run(600.0)
     assert (result.outcome, result.photo, rig.photos) == ("completed", "skipped", 0)
 
 
-def test_a_bot_that_docks_too_early_is_told_so_and_drives_the_course_after_all():
+def test_bot_that_docks_too_early_then_drives_the_course():
     rig = Rig(STUDY.condition("giraff_open"), early=True)
     result = rig.run(600.0)
     assert (result.outcome, len(result.checkpoints)) == ("completed", 4)
@@ -152,7 +151,7 @@ def test_a_bot_that_docks_too_early_is_told_so_and_drives_the_course_after_all()
     }
 
 
-def test_a_bot_stands_until_it_is_told_what_to_do_and_where_it_is():
+def test_bot_does_not_move_without_a_cue_or_a_localized_pose():
     rig = Rig(STUDY.condition("giraff_open"))
     lost = dataclasses.replace(
         rig.view,

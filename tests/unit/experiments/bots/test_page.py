@@ -1,4 +1,4 @@
-from experiments.bots.page import read
+from experiments.bots.page import HtmlPage
 
 CONSENT = """<!doctype html><html><head><title>A study</title></head><body>
 <header><form method="post" action="/out/"><button type="submit">Log out</button></form></header>
@@ -26,9 +26,9 @@ value="es" selected>Spain</option></select><label for="land">Land</label>
 <p class="field__error">Choose one.</p><button type="submit">Send</button></form></main>"""
 
 
-def test_a_form_is_read_with_what_it_holds_what_it_asks_and_how_it_is_sent():
-    page = read(CONSENT)
-    (form,) = page.main_forms()
+def test_form_has_its_hidden_inputs_fields_and_buttons():
+    page = HtmlPage(CONSENT)
+    (form,) = page.forms
     assert form.hidden == [("csrfmiddlewaretoken", "t"), ("place", "1.0.consent")]
     assert {
         name: (field.kind, field.label, field.required) for name, field in form.fields.items()
@@ -37,40 +37,40 @@ def test_a_form_is_read_with_what_it_holds_what_it_asks_and_how_it_is_sent():
         "agree": ("checkbox", "", True),
     }
     assert form.fields["agree"].choices[0].label == "I agree"
-    assert [button.text for button in form.buttons] == ["Agree", "No"]
+    assert [(button.name, button.value) for button in form.buttons] == [("", ""), ("go", "decline")]
 
 
-def test_what_most_people_do_next_is_told_from_the_rest():
-    page = read(CONSENT)
-    assert page.next_form() == (page.main_forms()[0], 0)
-    assert page.next_link.href == "?leaf=2"
-    assert page.button("decline") == (page.main_forms()[0], 1)
+def test_the_primary_link_and_button_are_found():
+    page = HtmlPage(CONSENT)
+    assert page.next_form() == (page.forms[0], page.forms[0].buttons[0])
+    assert page.next_link == "?leaf=2"
+    assert page.button("decline") == (page.forms[0], page.forms[0].buttons[1])
 
 
-def test_the_words_of_the_main_part_are_read_and_scripts_are_not():
-    page = read(CONSENT)
+def test_text_is_that_of_the_main_part_without_scripts():
+    page = HtmlPage(CONSENT)
     assert "You will drive." in page.text
     assert "nothing" not in page.text
     assert "Log out" not in page.text
-    assert page.by_id["code"] == "ABCD2345"
+    assert page.text_of("code") == "ABCD2345"
     assert page.json["config"] == {"socket": "/ws/", "who": "A < B"}
 
 
-def test_a_question_has_its_choices_and_a_disabled_one_is_not_asked():
-    form = read(SURVEY).form("survey")
+def test_question_has_its_choices_and_disabled_ones_are_left_out():
+    form = HtmlPage(SURVEY).form("survey")
     assert [choice.value for choice in form.fields["ease"].choices] == ["1", "2", "~preferred_not"]
     assert form.fields["ease"].label == "How was it?"
-    assert form.fields["land"].choices[1].chosen
+    assert [choice.label for choice in form.fields["land"].choices] == ["-", "Spain"]
     assert set(form.fields) == {"ease", "land"}
     assert form.hidden == [("shown", "ease")]
 
 
-def test_what_is_wrong_with_a_page_is_read():
-    assert read(SURVEY).errors == ["Choose one."]
+def test_the_errors_of_a_page_are_read():
+    assert HtmlPage(SURVEY).errors == ["Choose one."]
 
 
-def test_headings_and_errors_that_a_page_keeps_hidden_are_not_read():
-    page = read(
+def test_headings_and_errors_that_a_page_hides_are_not_read():
+    page = HtmlPage(
         """<main><h1>Giraff</h1><section hidden><h2>The page didn't load</h2></section>
         <p role="alert" hidden>Reload it.</p><p role="alert"></p><h2 hidden>Choose</h2></main>"""
     )

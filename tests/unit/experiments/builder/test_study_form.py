@@ -5,10 +5,12 @@ import pytest
 from django.http import QueryDict
 from django.utils import translation
 
+from experiments.builder.design import StudyDesign
 from experiments.builder.labels import GUIDE
 from experiments.builder.pages import clicked_point, renumber
 from experiments.builder.study_form import StudyPartForm
 from experiments.definition.coding import Code
+from experiments.definition.plan import StudyPlan
 from experiments.definition.schema import Condition, Course, StudyCheckpoint, StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.definition.steps.instructions import Instructions
@@ -33,7 +35,7 @@ def sent(form: StudyPartForm, **changes: str) -> QueryDict:
     data = QueryDict(mutable=True)
     for group in groups(form):
         if group.number is not None:
-            data[group.name] = ""
+            data[group.name] = group.was
         if group.switch and group.is_on:
             data[group.switch] = "on"
     for one in form:
@@ -50,7 +52,7 @@ def sent(form: StudyPartForm, **changes: str) -> QueryDict:
 
 
 def errors(cls: type, document: dict) -> dict[str, str]:
-    return StudyPartForm(cls, document, is_sent=True).told
+    return StudyPartForm(cls, document, is_sent=True).refusals
 
 
 def choices(form: StudyPartForm, name: str) -> list[str]:
@@ -65,9 +67,9 @@ def parts_of(study: StudyDefinition):
 def test_every_part_of_the_shipped_studies_goes_through_its_form_unchanged(slug):
     for cls, part in parts_of(shipped()[slug]):
         document = msgspec.to_builtins(part)
-        told = StudyPartForm.read(cls, sent(StudyPartForm(cls, document, languages=BOTH)))
-        assert errors(cls, told) == {}
-        kept = {**told, **({"kind": document["kind"]} if "kind" in document else {})}
+        found = StudyPartForm.read(cls, sent(StudyPartForm(cls, document, languages=BOTH)))
+        assert errors(cls, found) == {}
+        kept = {**found, **({"kind": document["kind"]} if "kind" in document else {})}
         assert msgspec.convert(kept, cls) == part
 
 
@@ -85,13 +87,13 @@ def test_the_whole_study_goes_through_its_form_unchanged():
         "analysis",
     )
     document = msgspec.to_builtins(study)
-    told = StudyPartForm.read(
+    found = StudyPartForm.read(
         StudyDefinition,
         sent(StudyPartForm(StudyDefinition, document, languages=BOTH, only=only)),
         only=only,
     )
     rest = {key: value for key, value in document.items() if key not in only}
-    assert msgspec.convert({**rest, **told}, StudyDefinition) == study
+    assert msgspec.convert({**rest, **found}, StudyDefinition) == study
 
 
 def task(**changes: str) -> QueryDict:
@@ -99,11 +101,11 @@ def task(**changes: str) -> QueryDict:
     return sent(StudyPartForm(TaskStep, document, languages=BOTH), **changes)
 
 
-def test_what_is_no_number_is_told_at_its_field_and_kept_as_it_was_typed():
+def test_invalid_number_is_an_error_of_its_field_and_stays_as_typed():
     document = StudyPartForm.read(TaskStep, task(minutes="a quarter", last_minutes="-1"))
-    told = errors(TaskStep, document)
-    assert told["minutes"] == "This is not a number."
-    assert told["last_minutes"] == "Write a number of at least 0."
+    found = errors(TaskStep, document)
+    assert found["minutes"] == "This is not a number."
+    assert found["last_minutes"] == "Write a number of at least 0."
     form = StudyPartForm(TaskStep, document, languages=["en"], is_sent=True)
     assert form["minutes"].value() == "a quarter"
     assert list(form["minutes"].errors) == ["This is not a number."]
@@ -141,7 +143,7 @@ def test_texts_in_other_languages_are_shown_until_somebody_empties_them():
     assert StudyPartForm.read(TaskStep, sent(form, title__fr=""))["title"] == {"en": "TaskStep"}
 
 
-def test_what_may_be_chosen_is_offered_and_what_was_chosen_stays():
+def test_choices_are_offered_and_former_choices_stay():
     document = msgspec.to_builtins(shipped()["exploration"].conditions[1])
     offered = {"robot": ["rhodon"], "doors_closed": ["lounge-door"]}
     form = StudyPartForm(Condition, document, languages=["en"], offered=offered)
@@ -168,8 +170,8 @@ def test_an_optional_part_is_switched_on_and_off():
 
 def test_errors_inside_lists_say_which_part():
     leaves = [{"text": {"en": "Read"}}, {"text": {"en": "On"}, "picture": "No Picture!"}]
-    told = errors(Instructions, {"key": "how", "title": {}, "leaves": leaves})
-    assert list(told) == ["leaves.1.picture"]
+    found = errors(Instructions, {"key": "how", "title": {}, "leaves": leaves})
+    assert list(found) == ["leaves.1.picture"]
 
 
 def test_the_photo_stays_with_its_checkpoint_when_checkpoints_move():
@@ -216,29 +218,32 @@ def test_an_optional_part_that_is_off_lacks_nothing():
     assert list(errors(Course, {**course, "photo": {}})) == ["photo.checkpoint", "photo.mirror"]
 
 
-def test_a_condition_chooses_its_level_of_each_factor():
-    document = msgspec.to_builtins(shipped()["assistance"].conditions[0])
-    offered = {"levels.delay": ("none", "long"), "levels.help": ("alone", "assisted")}
-    form = StudyPartForm(Condition, document, languages=BOTH, offered=offered)
-    assert choices(form, "levels.delay") == ["", "none", "long"]
-    told = StudyPartForm.read(Condition, sent(form, levels__delay="long", levels__help="alone"))
-    assert told["levels"] == {"delay": "long", "help": "alone"}
-    assert errors(Condition, told) == {}
-    again = StudyPartForm(Condition, told, languages=BOTH, offered=offered)
-    assert again["levels.delay"].value() == "long"
-    assert StudyPartForm.read(Condition, sent(again, levels__delay=""))["levels"] == {
-        "help": "alone"
+def test_levels_ask_for_what_their_factor_changes():
+    levels = [{"key": "a", "title": {}, "sets": {"video_delay": 0.3}}, {"key": "b", "title": {}}]
+    design = {
+        "factors": [{"key": "f", "title": {}, "changes": ["video_delay"], "levels": levels}],
+        "shared": {},
+        "allocation": {},
     }
+    form = StudyPartForm(StudyDesign, design, languages=["en"], offered={"shared": ()})
+    asked = [name for name in form.fields if ".sets." in name]
+    assert asked == [f"factors.0.levels.{n}.sets.video_delay" for n in (0, 1)]
+    data = sent(form, factors__0__levels__1__sets__video_delay="0")
+    found = StudyPartForm.read(StudyDesign, data)
+    assert [level["sets"] for level in found["factors"][0]["levels"]] == [
+        *({"video_delay": 0.3}, {"video_delay": 0.0})
+    ]
 
 
-def test_a_level_whose_factor_is_gone_is_shown_until_somebody_empties_it():
-    document = {
-        **msgspec.to_builtins(shipped()["assistance"].conditions[0]),
-        "levels": {"old": "a"},
-    }
-    form = StudyPartForm(Condition, document, languages=BOTH)
-    assert choices(form, "levels.old") == ["", "a"]
-    assert StudyPartForm.read(Condition, sent(form, levels__old=""))["levels"] == {}
+def test_expectation_of_a_hypothesis_is_one_choice():
+    claims = {"Delay": {"greater:main::delay.help": "It depends", "less:main:2:": "Less"}}
+    one = {"key": "h1", "direction": "greater", "analysis": "main", "effect": "delay:help"}
+    form = StudyPartForm(StudyPlan, {"hypotheses": [one]}, offered={"claims": claims})
+    assert form["hypotheses.0.direction"].value() == "greater:main::delay.help"
+    found = StudyPartForm.read(StudyPlan, sent(form, hypotheses__0__direction="less:main:2:"))
+    assert found["hypotheses"] == [
+        {"key": "h1", "direction": "less", "measures": [], "analysis": "main", "contrast": 2}
+    ]
 
 
 def test_a_step_of_a_script_has_a_line_or_the_fields_of_its_move():
@@ -246,8 +251,8 @@ def test_a_step_of_a_script_has_a_line_or_the_fields_of_its_move():
         form = StudyPartForm(WizardStage, stage, languages=["en"])
         data = sent(form)
         data.update(kinds_of(form))
-        told = StudyPartForm.read(WizardStage, data)
-        assert msgspec.convert(told, WizardStage) == msgspec.convert(stage, WizardStage)
+        found = StudyPartForm.read(WizardStage, data)
+        assert msgspec.convert(found, WizardStage) == msgspec.convert(stage, WizardStage)
     form = StudyPartForm(WizardStage, WIZARD["stages"][0], languages=["en"])
     assert {"steps.0.line.en", "steps.0.aloud", "steps.1.move.angle"} <= set(form.fields)
     assert not {"steps.1.line.en", "steps.1.aloud"} & set(form.fields)
@@ -262,7 +267,7 @@ def kinds_of(form: StudyPartForm) -> QueryDict:
     return data
 
 
-def test_what_has_pages_of_its_own_is_not_asked_for():
+def test_lists_with_own_pages_have_no_fields():
     assert "stages" not in [member.key for member in parts.members(GUIDE, Wizard)]
 
 
@@ -279,3 +284,18 @@ def test_a_word_of_one_class_comes_before_that_of_all():
     label = str(fields.field_of(member).label)
     assert label == "Key on the replay"
     assert str(fields.field_of(parts.members(GUIDE, WizardStage)[0]).label) == "Short name"
+
+
+def test_lists_of_a_form_are_those_of_its_class():
+    design = {"factors": [{"key": "delay"}]}
+    assert StudyPartForm.list_in(design, "factors.0.levels", StudyDesign) == []
+    assert StudyPartForm.list_in(design, "allocation.balance", StudyDesign) == []
+    assert design == {"factors": [{"key": "delay", "levels": []}], "allocation": {"balance": []}}
+    for name in ("steps", "factors.1.levels", "factors.levels", "factors.0.key", "allocation", ""):
+        assert StudyPartForm.list_in(design, name, StudyDesign) is None, name
+
+
+def test_lists_that_have_pages_of_their_own_are_in_no_other_form():
+    study = {"steps": [], "wizard": {"stages": []}}
+    for name in ("steps", "factors", "wizard.stages"):
+        assert StudyPartForm.list_in(study, name, StudyDefinition, ["wizard"]) is None, name

@@ -40,24 +40,24 @@ def run(*args: object, **options: object) -> str:
 
 
 def test_files_of_elan_and_boris_are_compared(files):
-    said = run(*files, duration=10.0)
+    output = run(*files, duration=10.0)
     # lost, ten bins of a second: 4 to 8 against 6 to 8; p_o = 0.8, p_e = 0.56.
-    assert "ann.eaf and bob.boris: kappa 0.545" in said
-    assert "events in both: 1, only in ann.eaf: 0, only in bob.boris: 1" in said
-    assert "events of ann.eaf (rows) and bob.boris: kappa" in said
-    assert run(*files, duration=10.0) == said
+    assert "ann.eaf and bob.boris: kappa 0.545" in output
+    assert "events in both: 1, only in ann.eaf: 0, only in bob.boris: 1" in output
+    assert "events of ann.eaf (rows) and bob.boris: kappa" in output
+    assert run(*files, duration=10.0) == output
 
 
 @pytest.mark.parametrize(
-    ("options", "told"),
+    ("options", "message"),
     [({"duration": 5.0}, "outside the session"), ({"bin": 0.0, "duration": 10.0}, "bin")],
 )
-def test_figures_that_do_not_fit_are_refused(files, options, told):
-    with pytest.raises(CommandError, match=told):
+def test_figures_that_do_not_fit_are_refused(files, options, message):
+    with pytest.raises(CommandError, match=message):
         run(*files, **options)
 
 
-def test_what_cannot_be_read_is_named(files, tmp_path):
+def test_files_that_cannot_be_read_are_named(files, tmp_path):
     scheme, ann, bob = files
     with pytest.raises(CommandError, match="at least two coders"):
         run(scheme, ann)

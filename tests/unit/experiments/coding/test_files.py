@@ -64,7 +64,7 @@ def test_another_program_reads_the_tiers_and_annotations(eaf):
     assert read.adocument["FORMAT"] == "3.0"
 
 
-def test_what_another_program_writes_is_read(tmp_path):
+def test_files_of_another_program_are_read(tmp_path):
     other = Eaf()
     other.add_tier("lost")
     other.add_annotation("lost", 1000, 2500, "here")
@@ -123,7 +123,7 @@ def in_order(events: list[CodedEvent]) -> list:
 
 @examples(30, thorough=300)
 @given(codings())
-def test_a_coding_comes_back_from_an_elan_file_as_it_was(events):
+def test_coding_is_read_unchanged_from_an_elan_file(events):
     read, problems = from_eaf(to_eaf(CODES, events, "C2345", DATE), CODES)
     assert in_order(read) == in_order(events)
     assert problems == []
@@ -131,7 +131,7 @@ def test_a_coding_comes_back_from_an_elan_file_as_it_was(events):
 
 @examples(30, thorough=300)
 @given(codings())
-def test_a_coding_comes_back_from_a_boris_project_as_it_was(events):
+def test_coding_is_read_unchanged_from_a_boris_project(events):
     document = to_boris(CODES, {"S1": events, "S2": []}, "study", "2026-03-04T12:00:00")
     read, problems = from_boris(document, CODES, "S1")
     assert in_order(read) == in_order(events)
@@ -176,7 +176,7 @@ def test_an_observation_is_named_where_there_are_several():
         from_boris(document, CODES, "S3")
 
 
-def test_what_a_boris_project_has_and_a_scheme_has_not_is_said():
+def test_parts_of_a_boris_project_that_are_not_imported_are_listed():
     rows = [[1, "ann", "help", "", ""], [2, "", "gaze", "", ""], [3, "", "lost", "", ""], ["x"]]
     rows.append([4, "", "help", "a dog|low|x", ""])
     more = {"time offset": 2.5, "file": {"1": ["a.mp4"]}, "description": "d"}
@@ -186,20 +186,22 @@ def test_what_a_boris_project_has_and_a_scheme_has_not_is_said():
         CodedEvent("help", 1.0),
         CodedEvent("help", 4.0, None, "", {"loudness": "low"}),
     ]
-    said = " ".join(problems)
-    told = ("Subjects", "gaze", "never stops", "not an event", "“a dog”", "“x”")
-    assert all(part in said for part in (*told, "offset of 2.5 s", "media files", "description"))
+    sentences = " ".join(problems)
+    message = ("Subjects", "gaze", "never stops", "not an event", "“a dog”", "“x”")
+    assert all(
+        part in sentences for part in (*message, "offset of 2.5 s", "media files", "description")
+    )
 
 
-def test_what_an_elan_file_has_and_a_scheme_has_not_is_said():
+def test_parts_of_an_elan_file_that_are_not_imported_are_listed():
     file = to_eaf(CODES, EVENTS, "C1", DATE).decode()
     file = file.replace(">high<", ">shouting<").replace('TIER_ID="found"', 'TIER_ID="gaze"')
     media = '<MEDIA_DESCRIPTOR MEDIA_URL="file:///a/drive.mp4" MIME_TYPE="video/mp4" />'
     file = file.replace('<PROPERTY NAME="last', f'{media}<PROPERTY NAME="last')
     events, problems = from_eaf(file.encode(), CODES)
     assert len(events) == len(EVENTS)
-    said = " ".join(problems)
-    assert all(part in said for part in ("gaze", "“shouting”", "drive.mp4"))
+    sentences = " ".join(problems)
+    assert all(part in sentences for part in ("gaze", "“shouting”", "drive.mp4"))
 
 
 def test_elements_are_in_the_order_of_the_schema():
@@ -214,24 +216,24 @@ def test_elements_are_in_the_order_of_the_schema():
 
 
 @pytest.mark.parametrize(
-    ("document", "told"),
+    ("document", "message"),
     [
         (b'<!DOCTYPE a [<!ENTITY b "c">]><ANNOTATION_DOCUMENT/>', "document type"),
         (b"<a>", "not valid XML"),
         (b"<a/>", "not an ELAN"),
     ],
 )
-def test_a_file_that_is_no_elan_file_is_refused(document, told):
-    with pytest.raises(BadCodingError, match=told):
+def test_a_file_that_is_no_elan_file_is_refused(document, message):
+    with pytest.raises(BadCodingError, match=message):
         from_eaf(document, CODES)
 
 
 @pytest.mark.parametrize(
-    ("document", "told"),
+    ("document", "message"),
     [(b"[", "not valid JSON"), (b"[]", "not a BORIS"), (b'{"observations": {}}', "not a BORIS")],
 )
-def test_a_file_that_is_no_boris_project_is_refused(document, told):
-    with pytest.raises(BadCodingError, match=told):
+def test_a_file_that_is_no_boris_project_is_refused(document, message):
+    with pytest.raises(BadCodingError, match=message):
         from_boris(document, CODES)
 
 
@@ -243,7 +245,7 @@ def code(**more) -> dict:
 
 
 @pytest.mark.parametrize(
-    ("codes", "told"),
+    ("codes", "message"),
     [
         ([code(), code(key="b")], "Code “a” appears 2 times"),
         ([code(), code(code="b", key="A")], "Key “a” appears 2 times"),
@@ -260,13 +262,13 @@ def code(**more) -> dict:
         ([code(code=f"c{n}", key="") for n in range(41)], "at most 40"),
     ],
 )
-def test_a_scheme_that_cannot_be_used_is_refused(codes, told):
-    with pytest.raises(BadCodingError, match=told):
+def test_a_scheme_that_cannot_be_used_is_refused(codes, message):
+    with pytest.raises(BadCodingError, match=message):
         scheme_from(codes)
 
 
 @pytest.mark.parametrize(
-    ("event", "told"),
+    ("event", "message"),
     [
         ({"code": "x", "begin": 1}, "no code"),
         ({"code": "help", "begin": 1, "end": 2}, "can't have an end"),
@@ -278,8 +280,8 @@ def test_a_scheme_that_cannot_be_used_is_refused(codes, told):
         ({"code": "help"}, "begin"),
     ],
 )
-def test_an_event_that_does_not_fit_is_refused(event, told):
-    with pytest.raises(BadCodingError, match=told):
+def test_an_event_that_does_not_fit_is_refused(event, message):
+    with pytest.raises(BadCodingError, match=message):
         events_from([event], CODES, 60.0)
 
 
@@ -293,7 +295,7 @@ def test_a_scheme_of_a_file_may_be_a_list_of_codes_or_have_more():
         scheme_in(b" " * 300_000)
 
 
-def test_states_of_one_group_do_not_overlap_and_points_are_not_there_twice():
+def test_overlapping_states_of_a_group_and_repeated_points_are_refused():
     states = [{"code": "lost", "begin": 1, "end": 4}, {"code": "found", "begin": 3, "end": 5}]
     with pytest.raises(BadCodingError, match=r"found at 3\.000 s begins before"):
         events_from(states, CODES, 60.0)

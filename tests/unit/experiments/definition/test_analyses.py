@@ -1,4 +1,4 @@
-"""What is wrong with the analyses that a study declares is told before anybody takes part."""
+"""Problems of declared analyses are found before publishing."""
 
 import pytest
 
@@ -24,14 +24,28 @@ def test_an_analysis_that_makes_sense_is_accepted():
             {"contrasts": [{**SIDES, "first": ["all_open"]}]},
             "a contrast compares two different sides of at least one condition each.",
         ),
-        ({"effects": ["condition"]}, "only a mixed model has effects."),
+        ({"effects": ["condition"]}, "tests of means and ranks have contrasts, and no effects."),
+        ({"test": "mixed"}, "a mixed model needs at least one effect."),
         (
-            {"test": "mixed", "effects": ["condition"]},
-            "a mixed model needs participants who do several conditions.",
+            {"test": "counts", "effects": ["condition"], "post_hoc": True},
+            "a model has effects, and neither contrasts nor post-hoc tests.",
+        ),
+        ({"covariates": ["age"]}, "only a model with effects has covariates."),
+        (
+            {"test": "mixed", "effects": ["condition"], "covariates": ["experience.q1"]},
+            (
+                "the covariate experience.q1 is neither age nor an item of a questionnaire about"
+                " the person, such as ict.games."
+            ),
         ),
         ({"test": "mixed", "effects": ["delay:help"]}, "there is no factor delay."),
     ],
 )
-def test_what_makes_no_sense_is_told_with_the_analysis(changes, told):
+def test_contradictions_are_problems_of_the_analysis(changes, told):
     found = sentences(problems(small_study(analyses=[{**GOOD, **changes}])))
     assert f"Analysis doors: {told}" in found
+
+
+def test_participants_who_do_one_condition_each_may_have_a_model_with_age():
+    model = {**GOOD, "test": "mixed", "effects": ["condition"], "covariates": ["age"]}
+    assert sentences(problems(small_study(analyses=[model]))) == []

@@ -21,7 +21,7 @@ points = st.tuples(metres, metres)
     ("series", "doors"),
     [("giraff", ["lab-door", "lounge-door"]), ("rhodon", ["lab-door", "lounge-door"])],
 )
-def test_who_follows_the_papers_suggested_path_completes_its_task(series, doors):
+def test_suggested_path_of_the_paper_completes_its_task(series, doors):
     study, plan = shipped()["exploration"], load_plan("office")[0]
     condition = study.condition(f"{series}_open")
     track, course = lay_out(study, condition, plan), study.course_of(condition)
@@ -74,7 +74,7 @@ def test_the_mirror_is_where_ones_reflection_stands(start, end, x, y, theta):
 @examples(50, thorough=1000)
 @given(line=st.lists(points, min_size=2, max_size=30))
 def test_crossings_of_a_door_alternate_between_its_sides(line):
-    door = ((0.0, -50.0), (0.0, 50.0))  # so long that nobody goes round it
+    door = ((0.0, -50.0), (0.0, 50.0))  # too long to drive around
     crossings = sum(Motion(one, other).crosses(*door) for one, other in pairwise(line))
     changed_side = (line[0][0] < 0.0) != (line[-1][0] < 0.0)
     assert crossings % 2 == changed_side

@@ -1,7 +1,6 @@
 """What a study asks of robots that none of them can do."""
 
 from experiments.definition.feasibility import NETWORK_LAB, Known, RobotFacts, obstacles
-from experiments.definition.reachability import unreachable
 from surveys.document_forms.problem_text import sentences
 from tests.support.studies.studies import STUDY, cabin, small_study
 
@@ -10,7 +9,7 @@ def found(network: dict[str, dict[str, float]], *capabilities: str) -> list[str]
     study = small_study(conditions=[{**STUDY["conditions"][0], "network": network}])
     giraff = RobotFacts(frozenset(("velocity", *capabilities)), 0.7)
     return sentences(
-        obstacles(study, Known({"cabin": cabin()}, {"giraff": giraff}, QUESTIONNAIRES), unreachable)
+        obstacles(study, Known({"cabin": cabin()}, {"giraff": giraff}, QUESTIONNAIRES))
     )
 
 
@@ -40,18 +39,18 @@ def test_the_speed_that_is_left_is_of_the_conditions_own_limit_which_falls_with_
     study = small_study(conditions=[slow | {"speed": {"linear": 0.3}}])
     giraff = RobotFacts(frozenset(("velocity", NETWORK_LAB)), 0.7)
     known = Known({"cabin": cabin()}, {"giraff": giraff}, QUESTIONNAIRES)
-    (sentence,) = sentences(obstacles(study, known, unreachable))
+    (sentence,) = sentences(obstacles(study, known))
     assert "at about 0.08 m/s instead of 0.30 m/s" in sentence
 
 
 def test_a_speed_limit_that_the_robot_never_reaches_is_refused_with_the_robots_own():
-    def said(**speed: float) -> list[str]:
+    def speed_problems(**speed: float) -> list[str]:
         study = small_study(conditions=[{**STUDY["conditions"][0], "speed": speed}])
         giraff = RobotFacts(frozenset(("velocity",)), 0.7, angular=1.2)
         known = Known({"cabin": cabin()}, {"giraff": giraff}, QUESTIONNAIRES)
-        return sentences(obstacles(study, known, unreachable))
+        return sentences(obstacles(study, known))
 
-    assert said(linear=9.0, angular=1.3) == [
+    assert speed_problems(linear=9.0, angular=1.3) == [
         (
             "Condition all_open: the speed limit of 9 m/s is above the top speed of giraff,"
             " 0.7 m/s: lower it, or leave it blank to use the robot's."
@@ -61,7 +60,7 @@ def test_a_speed_limit_that_the_robot_never_reaches_is_refused_with_the_robots_o
             " speed of giraff, 68.75 °/s: lower it, or leave it blank to use the robot's."
         ),
     ]
-    assert said(linear=0.7, angular=1.2) == []
+    assert speed_problems(linear=0.7, angular=1.2) == []
 
 
 def test_video_may_be_delayed_as_far_as_the_sentence_says_and_no_farther():

@@ -32,8 +32,8 @@ def test_a_page_for_a_condition_that_does_not_exist_is_a_problem():
 
 def test_participants_of_several_conditions_read_it_in_each_round():
     within = {"design": "within"}
-    (told, *_) = sentences(problems(study_with(allocation=within)))
-    assert "repeated" in told
+    (found, *_) = sentences(problems(study_with(allocation=within)))
+    assert "repeated" in found
     assert any(
         "Step read: it has pages for some conditions" in one
         for one in sentences(problems(study_with(allocation=within)))
@@ -52,9 +52,7 @@ def test_the_preregistration_says_who_reads_what_and_when_they_are_assigned():
     ("done", "is_gone", "stage"),
     [(0, True, "left"), (0, False, "under_way"), (1, True, "under_way")],
 )
-def test_who_was_told_their_condition_leaves_the_place_only_when_gone_without_driving(
-    done, is_gone, stage
-):
-    told = stage_now("under_way", conditions=1, done=done, is_gone=is_gone, is_told=True)
-    assert told == stage
+def test_informed_participant_frees_the_place_only_after_leaving_undriven(done, is_gone, stage):
+    found = stage_now("under_way", conditions=1, done=done, is_gone=is_gone, knows_condition=True)
+    assert found == stage
     assert stage_now("under_way", conditions=1, done=done, is_gone=is_gone) == "under_way"

@@ -5,15 +5,15 @@ import pytest
 
 from experiments.definition.plan import StudyPlan, deciding_hypotheses
 from experiments.definition.problems import problems
-from experiments.definition.schema import digest, to_json
+from experiments.definition.schema import digest
 from surveys.document_forms.problem_text import sentences
 from tests.support.analysis.planned import ANALYSES, PLAN, hypothesis, plan_with, planned_study
 from tests.support.studies.studies import small_study
 
 
-def told(study):
-    said = sentences(problems(study))
-    return [one.removeprefix("Plan: ") for one in said if one.startswith("Plan: ")]
+def plan_problems(study):
+    found = sentences(problems(study))
+    return [one.removeprefix("Plan: ") for one in found if one.startswith("Plan: ")]
 
 
 def with_hypotheses(*found):
@@ -21,11 +21,10 @@ def with_hypotheses(*found):
 
 
 def test_a_good_plan_has_no_problems():
-    assert told(planned_study(PLAN)) == []
+    assert plan_problems(planned_study(PLAN)) == []
 
 
-def test_a_study_without_a_plan_has_the_digest_that_it_had_before_there_were_plans():
-    assert b"plan" not in to_json(small_study())
+def test_plan_is_part_of_what_is_frozen():
     assert digest(planned_study(None)) == digest(small_study(analyses=ANALYSES))
     assert digest(planned_study(PLAN)) != digest(planned_study(None))
 
@@ -90,15 +89,43 @@ def test_a_study_without_a_plan_has_the_digest_that_it_had_before_there_were_pla
     ],
 )
 def test_each_mistake_is_a_sentence(plan, problem):
-    assert told(planned_study(plan)) == [problem]
+    assert plan_problems(planned_study(plan)) == [problem]
 
 
 def test_a_direction_needs_two_sides():
     (driving, answers) = planned_study(None).analyses
     at_once = msgspec.structs.replace(driving, contrasts=())
     study = msgspec.structs.replace(planned_study(PLAN), analyses=(at_once, answers))
-    (problem,) = told(study)
+    (problem,) = plan_problems(study)
     assert problem.startswith("hypothesis h1: it has a direction, but the analysis driving")
+
+
+def crossed(**about):
+    """A study of two crossed factors, and a hypothesis about the effect of one."""
+    names = {"delay": ("none", "long"), "help": ("alone", "helped")}
+    factors = [
+        {"key": key, "title": {"en": key}, "levels": [{"key": one, "title": {}} for one in levels]}
+        for key, levels in names.items()
+    ]
+    base = planned_study(None).conditions[0]
+    conditions = [
+        msgspec.structs.replace(base, key=f"{a}_{b}", levels={"delay": a, "help": b})
+        for a in names["delay"]
+        for b in names["help"]
+    ]
+    model = {"key": "driving", "title": {}, "measures": ["task_time"], "test": "mixed"}
+    plan = plan_with(hypotheses=[hypothesis(effect="delay", direction="less", measures=[])])
+    study = planned_study(plan, factors=factors, analyses=[{**model, **about}])
+    return msgspec.structs.replace(study, conditions=tuple(conditions))
+
+
+def test_a_direction_needs_a_factor_that_does_not_interact():
+    assert plan_problems(crossed(effects=["delay", "help"])) == []
+    (problem,) = plan_problems(crossed(effects=["delay", "help", "delay:help"]))
+    assert problem == (
+        "hypothesis h1: it has a direction, but the effect of delay depends on another factor in"
+        " the analysis driving: declare a contrast, or leave out the interaction."
+    )
 
 
 def test_a_test_decides_on_the_hypotheses_that_name_it():
@@ -113,5 +140,5 @@ def test_a_test_decides_on_the_hypotheses_that_name_it():
 
 
 def test_everything_in_a_plan_may_be_left_out():
-    assert told(planned_study({})) == []
+    assert plan_problems(planned_study({})) == []
     assert msgspec.convert({}, StudyPlan).alpha == 0.05

@@ -5,7 +5,6 @@ from django.utils.translation import override
 
 from experiments.definition.feasibility import Known, obstacles
 from experiments.definition.problems import problems
-from experiments.definition.reachability import unreachable
 from surveys.document_forms.problem_text import sentences
 from surveys.documents import NOWHERE, ProblemPlace
 from tests.support.analysis.planned import PLAN, plan_with, planned_study
@@ -50,9 +49,9 @@ def test_a_problem_leads_to_the_part_where_it_is_mended(study, place):
     assert place in {one.place for one in problems(study)}
 
 
-def test_what_stands_in_the_way_here_leads_to_it_too():
+def test_obstacles_have_places_as_well():
     nothing = Known({}, {}, frozenset())
-    found = [one.place for one in obstacles(small_study(), nothing, unreachable)]
+    found = [one.place for one in obstacles(small_study(), nothing)]
     conditions = [ProblemPlace("conditions", n) for n in (0, 1)]
     assert found == [ProblemPlace("steps", 1), ProblemPlace("courses", 0), *conditions]
 

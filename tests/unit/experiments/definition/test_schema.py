@@ -5,7 +5,6 @@ import pytest
 
 from experiments.definition.feasibility import Known, RobotFacts, obstacles
 from experiments.definition.problems import MAX_BYTES, parse, problems
-from experiments.definition.reachability import unreachable
 from experiments.definition.schema import StudyDefinition, digest, from_stored, to_json
 from experiments.definition.shipped import shipped
 from robots.api.floorplan import FloorPlan
@@ -25,7 +24,7 @@ def known(plan: FloorPlan | None = None, robot: RobotFacts = GIRAFF) -> Known:
 
 
 def here(study: StudyDefinition, **of_known) -> list[str]:
-    return sentences(obstacles(study, known(**of_known), unreachable))
+    return sentences(obstacles(study, known(**of_known)))
 
 
 def changed(part: str, index: int, **fields) -> dict:
@@ -66,7 +65,7 @@ def test_the_shipped_studies_can_be_run_in_the_office():
     sites = {"office": load_plan("office")[0]}
     assert set(shipped()) == {"exploration", "assistance"}
     for study in shipped().values():
-        assert sentences(obstacles(study, Known(sites, robots, questionnaires), unreachable)) == []
+        assert sentences(obstacles(study, Known(sites, robots, questionnaires))) == []
 
 
 def test_the_shipped_courses_are_the_sites_own_routes():
@@ -193,7 +192,7 @@ def test_the_second_study_has_everybody_drive_with_and_without_assistance():
         ({"languages": ["en", "es"]}, "study.title has no text in es"),
         ({"title": {"en": "  "}}, "study.title has no text in en"),
         ({"title": {"en": "a\x00b"}}, "null character"),
-        ({"slug": "link"}, "reserved for the addresses of personal links"),
+        ({"slug": "link"}, "reserved for other addresses of the site"),
     ],
 )
 def test_a_study_that_makes_no_sense_is_refused_with_a_sentence_that_says_where(changes, said):
@@ -332,6 +331,6 @@ def test_a_robot_too_slow_for_the_time_limit_is_told():
 
 
 def test_a_site_that_is_not_there_is_told_and_does_not_end_the_search():
-    found = sentences(obstacles(small_study(), Known({}, {}, frozenset()), unreachable))
+    found = sentences(obstacles(small_study(), Known({}, {}, frozenset())))
     assert "Course of giraff at cabin: there is no site cabin." in found
     assert "Condition all_open: there is no robot of the series giraff." in found

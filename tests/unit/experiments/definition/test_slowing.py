@@ -46,6 +46,6 @@ def test_more_delay_never_leaves_more(delay, video, more):
 @given(st.floats(0.0, 0.5))
 def test_slowing_begins_at_half_of_the_age_and_the_longest_video_delay_is_below(delay):
     assert predicted(held(delay), *LIMITS).is_slowed == (delay + REAL_COMMANDS > 0.125 + 1e-9)
-    longest = longest_video_delay(Network(), 1.0)
+    longest = longest_video_delay(1.0)
     video = Network(video=Impairment(delay=min(delay, longest)))
     assert not predicted(video, *LIMITS).is_slowed

@@ -36,7 +36,7 @@ def test_a_study_may_begin_anywhere():
     assert unmet(Start(docked=False), RobotSnapshot(), DOCK) == ""
 
 
-def test_what_a_robot_said_is_read_as_it_is_stored():
+def test_snapshot_is_read_from_stored_state():
     state = {"docked": True, "pose": {"x": 1.0, "y": 2.0, "theta": 0.1}, "battery": {"charge": 0.4}}
     found = snapshot(state)
     assert found == RobotSnapshot(docked=True, pose=Pose2D(1.0, 2.0, 0.1), charge=0.4)

@@ -18,7 +18,7 @@ def decoded(jpeg: bytes) -> np.ndarray:
         return next(file.decode(video=0)).to_ndarray(format="rgb24")
 
 
-def test_the_picture_is_the_same_and_what_stood_beside_it_is_gone():
+def test_image_is_unchanged_and_its_metadata_are_removed():
     stored = with_metadata(SECRET)
     assert stored.count(SECRET) == 4
     left = without_metadata(stored, "session-S1-1")
@@ -27,7 +27,7 @@ def test_the_picture_is_the_same_and_what_stood_beside_it_is_gone():
     np.testing.assert_array_equal(decoded(left), decoded(stored))
 
 
-def test_the_checksum_is_another_one_even_where_nothing_stood_beside_the_picture():
+def test_checksum_changes_even_without_metadata():
     left = without_metadata(JPEG, "session-S1-1")
     assert hashlib.sha256(left).digest() != hashlib.sha256(JPEG).digest()
     assert without_metadata(left, "session-S1-1") == left
@@ -46,6 +46,6 @@ def test_the_checksum_is_another_one_even_where_nothing_stood_beside_the_picture
         b"\xff\xd8\xff\xe1\x00\x01\xff\xd9",
     ],
 )
-def test_what_is_no_jpeg_is_refused(broken):
+def test_bytes_that_are_no_jpeg_are_refused(broken):
     with pytest.raises(JpegError):
         without_metadata(broken, "name")

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.definition.schema import Refill
+from experiments.definition.schema import Allocation, BalanceFactor, Refill
 from experiments.definition.shipped import shipped
 from experiments.participation.assignment import (
     Cell,
@@ -14,6 +14,7 @@ from experiments.participation.assignment import (
     balanced,
     cells,
     choose,
+    level_of,
     load,
     stage_at_end,
 )
@@ -21,6 +22,7 @@ from tests.support.examples import examples
 from tests.support.studies.studies import STUDY, small_study
 
 NONE = Refill()
+SURE = Allocation(best_probability=1.0)
 
 
 def within(count: int, order: str):
@@ -29,7 +31,7 @@ def within(count: int, order: str):
 
 
 class Month:
-    """A study that runs: so many participants under way at once, of whom some leave before they
+    """A running study: so many participants in progress at once, some of which leave before they
     drive and some have a broken robot.
     """
 
@@ -45,13 +47,14 @@ class Month:
     ) -> None:
         self.rng = random.Random(seed)
         self.offered = [Cell(name, (name,)) for name in names]
-        self.leaving, self.failing, self.refill, self.quota = leaving, failing, refill, quota
+        self.leaving, self.failing, self.refill = leaving, failing, refill
+        self.allocation = Allocation(quota=quota, best_probability=1.0)
         self.held: list[Held] = []
         self.under_way: list[int] = []
         self.exposed = Counter()
 
     def admit(self) -> bool:
-        choice = choose(self.offered, self.held, self.quota, self.rng.getrandbits(32))
+        choice = choose(self.offered, self.held, self.allocation, self.rng.getrandbits(32))
         if choice is None:
             return False
         self.under_way.append(len(self.held))
@@ -64,9 +67,9 @@ class Month:
         exposed = self.rng.random() >= self.leaving[cell]
         outcome = "robot_fault" if self.rng.random() < self.failing else "completed"
         self.exposed[cell] += exposed
-        self.held[index] = Held(
-            cell, stage_at_end(cell, outcome, exposed=exposed, refill=self.refill, held=self.held)
-        )
+        refilled = self.count("refilled")[cell]
+        stage = stage_at_end(outcome, self.refill, refilled) if exposed else "freed"
+        self.held[index] = Held(cell, stage)
 
     def count(self, *stages: str) -> Counter:
         return Counter({cell.key: 0 for cell in self.offered}) + Counter(
@@ -149,31 +152,107 @@ def test_a_quota_is_met_exactly_and_then_nobody_is_admitted():
     assert month.count("filled") == {"a": 7, "b": 7, "c": 7}
 
 
-def test_a_place_is_freed_only_when_nothing_moved():
+def test_place_is_given_to_another_as_often_as_the_rule_says():
     refill = Refill(outcomes=("connection_lost",), most=1)
-    held = [Held("a", "refilled")]
-    assert stage_at_end("a", "cancelled", exposed=False, refill=refill, held=[]) == "freed"
-    assert stage_at_end("a", "cancelled", exposed=True, refill=refill, held=[]) == "filled"
-    assert stage_at_end("a", "timed_out", exposed=True, refill=refill, held=[]) == "filled"
-    assert stage_at_end("a", "connection_lost", exposed=True, refill=refill, held=[]) == "refilled"
-    assert stage_at_end("a", "connection_lost", exposed=True, refill=refill, held=held) == "filled"
-    assert (
-        stage_at_end("b", "connection_lost", exposed=True, refill=refill, held=held) == "refilled"
-    )
+    assert stage_at_end("cancelled", refill, 0) == "filled"
+    assert stage_at_end("timed_out", refill, 0) == "filled"
+    assert stage_at_end("connection_lost", refill, 0) == "refilled"
+    assert stage_at_end("connection_lost", refill, 1) == "filled"
 
 
 def test_ties_are_drawn_by_a_seed_that_draws_them_again():
     offered = [Cell(name, (name,)) for name in "abcd"]
     held = [Held("a"), Held("b", "freed"), Held("d", "filled")]
-    choice = choose(offered, held, None, 7)
-    assert choice.candidates == ("b", "c")
-    assert choose(offered, held, None, choice.seed) == choice
-    drawn = Counter(choose(offered, [], None, seed).cell.key for seed in range(4000))
+    choice = choose(offered, held, SURE, 7)
+    assert choice.best == ("b", "c")
+    assert choice.counts == {"a": 1, "b": 0, "c": 0, "d": 1}
+    assert choose(offered, held, SURE, choice.seed) == choice
+    drawn = Counter(choose(offered, [], SURE, seed).cell.key for seed in range(4000))
     assert all(850 < drawn[name] < 1150 for name in "abcd")
 
 
+def assigned_in_turn(probability: float, count: int, names: str = "ab", seed: int = 1):
+    """Assign people one after the other; return how many draws were not tied, how often the cell
+    with the fewest came then, and by how much the cells differ at the end of each 64.
+    """
+    allocation = Allocation(best_probability=probability)
+    offered, rng = [Cell(name, (name,)) for name in names], random.Random(seed)
+    decided, guessed, differences = 0, 0, []
+    held: list[Held] = []
+    for number in range(1, count + 1):
+        choice = choose(offered, held, allocation, rng.getrandbits(31))
+        if len(choice.best) < len(offered):
+            decided += 1
+            guessed += choice.cell.key in choice.best
+        held.append(Held(choice.cell.key, "filled"))
+        if number % 64 == 0:
+            counts = load(held)
+            differences.append(max(counts[name] for name in names) - min(counts.values()))
+            held = []
+    return decided, guessed, differences
+
+
+def test_smallest_cell_alone_is_known_beforehand_whenever_cells_differ():
+    decided, guessed, differences = assigned_in_turn(1.0, 4000)
+    assert (decided, guessed, max(differences)) == (2000, 2000, 0)
+
+
+@pytest.mark.parametrize("names", ["ab", "abcd"])
+def test_default_random_factor_keeps_cells_even_and_no_draw_is_certain(names):
+    decided, guessed, differences = assigned_in_turn(Allocation().best_probability, 6400, names)
+    assert 0.72 < guessed / decided < 0.78
+    assert sum(differences) / len(differences) < 3.0
+    by_coin = assigned_in_turn(1.0 / len(names), 6400, names)[2]
+    assert sum(differences) < 0.6 * sum(by_coin)
+
+
+def test_strata_and_minimization_balance_cells_within_factors():
+    """A factor that half of the participants have, and a rare one."""
+    for balancing in ("strata", "minimization"):
+        factors = (BalanceFactor(item="ict.games"), BalanceFactor(item="age", limits=(30.0, 50.0)))
+        allocation = Allocation(best_probability=1.0, balancing=balancing, balance=factors)
+        offered, rng, held = [Cell(name, (name,)) for name in "ab"], random.Random(5), []
+        for _ in range(80):
+            levels = {
+                "ict.games": level_of(factors[0], rng.choice(["daily", "never"])),
+                "age": level_of(factors[1], rng.choice([20, 25, 60])),
+            }
+            choice = choose(offered, held, allocation, rng.getrandbits(31), levels)
+            held.append(Held(choice.cell.key, "filled", levels))
+        for item in ("ict.games", "age"):
+            for level in {place.levels[item] for place in held}:
+                counts = load(place for place in held if place.levels[item] == level)
+                assert abs(counts["a"] - counts["b"]) <= 3, (balancing, item, level)
+
+
+def test_participants_of_another_stratum_do_not_count():
+    factor = BalanceFactor(item="ict.games")
+    allocation = Allocation(best_probability=1.0, balancing="strata", balance=(factor,))
+    held = [Held("a", "filled", {"ict.games": "daily"})] * 3
+    held += [Held("b", "filled", {"ict.games": "never"})]
+    offered = [Cell(name, (name,)) for name in "ab"]
+    choice = choose(offered, held, allocation, 1, {"ict.games": "never"})
+    assert (choice.cell.key, choice.counts, choice.scores) == (
+        "a",
+        {"a": 3, "b": 1},
+        {"a": 0, "b": 1},
+    )
+
+
+def test_numbers_are_grouped_by_their_limits():
+    age = BalanceFactor(item="age", limits=(30.0, 50.0))
+    assert [level_of(age, value) for value in (29, 30, 49.5, 50, 99, None)] == [
+        "below 30",
+        "from 30",
+        "from 30",
+        "from 50",
+        "from 50",
+        "",
+    ]
+
+
 def test_without_a_cell_nobody_is_assigned():
-    assert choose([], [], None, 1) is None
+    assert choose([], [], SURE, 1) is None
     assert cells(small_study(), "invitation") == ()
 
 

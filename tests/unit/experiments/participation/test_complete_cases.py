@@ -24,6 +24,7 @@ from tests.support.examples import repetitions
 
 MONTHS, PARTICIPANTS, DROP_OUT = repetitions(12, thorough=50), 200, 0.2
 MONTH_HOURS = 30 * 24.0
+SURE = Allocation(best_probability=1.0)
 
 
 @dataclass
@@ -41,7 +42,7 @@ class Month:
 
     rng: random.Random
     cells: list[Cell]
-    waits: float  # hours after which somebody who is silent counts as having left
+    waits: float  # hours after which an absent participant counts as having left
     people: list[Person] = field(default_factory=list)
 
     def held(self, now):
@@ -59,8 +60,8 @@ class Month:
         )
 
     def comes(self, now):
-        """Somebody drives one condition, then leaves or drives the others."""
-        choice = choose(self.cells, self.held(now), None, self.rng.getrandbits(31))
+        """A participant drives one condition, then leaves or drives the others."""
+        choice = choose(self.cells, self.held(now), SURE, self.rng.getrandbits(31))
         one = Person(choice.cell, now)
         self.people.append(one)
         self.drives(one, now)
@@ -72,9 +73,7 @@ class Month:
 
     def drives(self, one, now):
         one.rounds, one.seen = one.rounds + 1, now
-        one.stage = stage_at_end(
-            one.cell.key, "completed", exposed=True, refill=Refill(), held=self.held(now)
-        )
+        one.stage = stage_at_end("completed", Refill(), 0)
 
     def worst(self):
         complete = Counter({cell.key: 0 for cell in self.cells})

@@ -52,8 +52,8 @@ TWICE = study(
 )
 
 
-def words(way) -> str:
-    return " ".join(place.word for place in way)
+def words(places) -> str:
+    return " ".join(place.word for place in places)
 
 
 def test_repeated_steps_are_gone_through_once_for_each_condition():
@@ -76,41 +76,43 @@ def test_within_participants_there_are_as_many_rounds_as_conditions_that_are_ope
 
 
 def test_a_later_visit_begins_behind_what_was_given_and_answered_before():
-    way = journey.route(TWICE, 2, 2)
-    assert journey.begin(way, {"consent", "you"}) == JourneyPlace(2, 0, "read")
-    assert journey.begin(way, {"consent"}) == JourneyPlace(2, 0, "you")
-    assert journey.begin(way) == JourneyPlace(2, 0, "consent")
+    places = journey.route(TWICE, 2, 2)
+    assert journey.begin(places, {"consent", "you"}) == JourneyPlace(2, 0, "read")
+    assert journey.begin(places, {"consent"}) == JourneyPlace(2, 0, "you")
+    assert journey.begin(places) == JourneyPlace(2, 0, "consent")
 
 
 @pytest.mark.parametrize("definition", [TWICE, *shipped().values()], ids=lambda one: one.slug)
 def test_going_on_from_each_place_passes_every_place_once_and_ends(definition):
-    way = journey.route(definition, journey.rounds(definition, "open"), 1)
-    passed, here = [], journey.begin(way)
+    places = journey.route(definition, journey.rounds(definition, "open"), 1)
+    passed, here = [], journey.begin(places)
     while here is not None:
         passed.append(here)
-        here = next(iter(journey.coming(way, here)), None)
-    assert tuple(passed) == way
-    assert len(set(way)) == len(way)
+        here = next(iter(journey.following(places, here)), None)
+    assert tuple(passed) == places
+    assert len(set(places)) == len(places)
 
 
 def test_a_step_that_is_skipped_is_passed_over_also_from_where_one_stands():
-    way = journey.route(TWICE, 2, 1)
-    assert journey.coming(way, JourneyPlace(1, 0, "consent"), {"you"})[0] == JourneyPlace(
+    places = journey.route(TWICE, 2, 1)
+    assert journey.following(places, JourneyPlace(1, 0, "consent"), {"you"})[0] == JourneyPlace(
         1, 0, "read"
     )
-    assert journey.coming(way, JourneyPlace(1, 0, "you"), {"you"})[0] == JourneyPlace(1, 0, "read")
-    assert journey.coming(way, JourneyPlace(1, 1, "thanks")) == []
+    assert journey.following(places, JourneyPlace(1, 0, "you"), {"you"})[0] == JourneyPlace(
+        1, 0, "read"
+    )
+    assert journey.following(places, JourneyPlace(1, 1, "thanks")) == []
 
 
 def test_a_place_that_is_not_on_the_way_leads_nowhere():
     with pytest.raises(NoPlaceError):
-        journey.coming(journey.route(TWICE, 2, 1), JourneyPlace(2, 0, "consent"))
+        journey.following(journey.route(TWICE, 2, 1), JourneyPlace(2, 0, "consent"))
 
 
 def test_a_page_sends_back_the_place_that_it_was_shown_at():
-    way = journey.route(TWICE, 2, 2)
-    for place in (*way, *journey.route(TWICE, 2, 1)):
-        assert journey.read(place.word, way) == place
+    places = journey.route(TWICE, 2, 2)
+    for place in (*places, *journey.route(TWICE, 2, 1)):
+        assert journey.read(place.word, places) == place
 
 
 @pytest.mark.parametrize(
@@ -143,14 +145,14 @@ def test_the_step_of_a_place_is_found_and_that_of_no_place_is_not():
 
 
 def test_progress_counts_from_one_to_all():
-    way = journey.route(TWICE, 2, 1)
-    assert journey.share_done(way, way[0]) == (1, 9)
-    assert journey.share_done(way, way[-1]) == (9, 9)
+    places = journey.route(TWICE, 2, 1)
+    assert journey.share_done(places, places[0]) == (1, 9)
+    assert journey.share_done(places, places[-1]) == (9, 9)
 
 
 def test_steps_that_a_visit_skips_are_not_counted_unless_one_stands_on_them():
-    way = journey.route(TWICE, 2, 2)
-    first = next(one for one in way if one.step not in {"consent", "you"})
-    assert journey.share_done(way, first, {"consent", "you"}) == (1, 7)
-    assert journey.share_done(way, way[-1], {"consent", "you"}) == (7, 7)
-    assert journey.share_done(way, way[0], {"consent", "you"}) == (1, 8)
+    places = journey.route(TWICE, 2, 2)
+    first = next(one for one in places if one.step not in {"consent", "you"})
+    assert journey.share_done(places, first, {"consent", "you"}) == (1, 7)
+    assert journey.share_done(places, places[-1], {"consent", "you"}) == (7, 7)
+    assert journey.share_done(places, places[0], {"consent", "you"}) == (1, 8)

@@ -1,4 +1,4 @@
-"""The privacy page says of every field and table what becomes of it when somebody withdraws."""
+"""The privacy page describes the effect of a withdrawal on every field and table."""
 
 import re
 
@@ -50,7 +50,9 @@ def test_each_field_of_a_participant_is_said_to_stay_with_the_reason_or_to_be_ne
 
 def test_each_table_about_a_participant_is_said_to_lose_their_rows():
     tables = {model.__name__ for model in reached(Participant, Session, Response)}
-    assert tables - {"Lease"} == line("**Deleted**")  # a robot's, which forgets the session
+    changed = line("**Kept without the person**")
+    assert tables - {"Lease"} - changed == line("**Deleted**")  # a robot's forgets the session
+    assert changed == {"Draw"}
 
 
 def test_each_field_of_an_audit_entry_is_said_to_stay_or_to_be_emptied():

@@ -4,7 +4,7 @@ from experiments.bots.endings import Ending
 from experiments.builder.pages import BuilderPlace
 from experiments.definition.shipped import shipped
 from experiments.rehearsal import plan
-from experiments.rehearsal.issues import NOTES, PROBLEMS, Issue
+from experiments.rehearsal.report import NOTES, PROBLEMS, Issue
 from experiments.study_admin.rehearsal_report import place_of
 from tests.support.studies.studies import small_study
 

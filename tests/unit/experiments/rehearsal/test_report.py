@@ -35,25 +35,25 @@ def played(*diaries, **more):
     return judge(STUDY, diaries, Findings(records, **more))
 
 
-def everybody():
+def one_bot_for_each_condition():
     return [diary(number, key) for number, key in enumerate(KEYS)]
 
 
 def test_a_study_that_every_bot_gets_through_passes():
-    report = played(*everybody(), drawn=("table_1",))
+    report = played(*one_bot_for_each_condition(), drawn=("table_1",))
     assert report.passed, report.problems
     assert [one.completed for one in report.conditions] == [1] * len(KEYS)
     assert report.drawn == ["table_1"]
 
 
-def test_what_people_will_need_is_reckoned_from_words_questions_and_the_drive():
-    report = played(*everybody())
+def test_times_of_people_are_estimated_from_words_questions_and_the_drive():
+    report = played(*one_bot_for_each_condition())
     assert [step.expected_minutes for step in report.steps if step.heading == "About you"] == [1.7]
     assert report.conditions[0].expected_minutes == 4.5
     assert report.expected_minutes == pytest.approx(1.7 + 4.5, abs=0.1)
 
 
-def test_the_page_before_a_drive_and_the_one_on_which_the_robot_is_driven_are_told_apart():
+def test_the_page_before_a_drive_and_the_page_of_the_drive_are_separate_steps():
     one = diary(0, KEYS[0])
     one.entries = [
         PageVisit("Exploration", "/studies/exploration/step/", 0.0, words=80),
@@ -66,8 +66,8 @@ def test_the_page_before_a_drive_and_the_one_on_which_the_robot_is_driven_are_to
     ]
 
 
-def test_a_checkpoint_that_nobody_passes_stands_in_the_way():
-    bots = everybody()
+def test_a_checkpoint_that_no_bot_passes_is_a_problem():
+    bots = one_bot_for_each_condition()
     bots[1].legs[0].passed, bots[1].legs[0].outcome = (1, 2), "timed_out"
     report = played(*bots)
     assert not report.passed
@@ -75,8 +75,8 @@ def test_a_checkpoint_that_nobody_passes_stands_in_the_way():
     assert any(KEYS[1] in problem and "checkpoint 3" in problem for problem in report.problems)
 
 
-def test_a_condition_in_which_nobody_drove_stands_in_the_way():
-    report = played(*everybody()[:-1])
+def test_a_condition_without_a_completed_drive_is_a_problem():
+    report = played(*one_bot_for_each_condition()[:-1])
     assert [
         problem
         for problem in report.problems
@@ -84,26 +84,29 @@ def test_a_condition_in_which_nobody_drove_stands_in_the_way():
     ]
 
 
-def test_a_time_limit_that_leaves_people_no_time_is_told_with_one_that_does():
-    bots = everybody()
+def test_a_short_time_limit_is_a_problem_with_a_longer_one_proposed():
+    bots = one_bot_for_each_condition()
     bots[0].legs[0].seconds = 500.0
     (problem,) = played(*bots).problems
     assert "allow 21" in problem
 
 
-def test_a_form_that_leads_nowhere_is_told_with_the_bot_that_was_there():
-    bots = [*everybody(), Diary(9, "completes", stuck="“About you” does not continue")]
+def test_a_stuck_form_is_a_problem_that_names_the_bot():
+    bots = [
+        *one_bot_for_each_condition(),
+        Diary(9, "completes", stuck="“About you” does not continue"),
+    ]
     assert any("Bot 9" in problem and "About you" in problem for problem in played(*bots).problems)
 
 
 def test_a_bot_that_got_no_code_is_a_problem():
-    bots = everybody()
+    bots = one_bot_for_each_condition()
     bots[2] = dataclasses.replace(bots[2], code="")
     assert played(*bots).problems == ["Bot 2 finished the study but got no completion code."]
 
 
-def test_what_was_in_force_otherwise_than_assigned_is_a_problem():
-    bots = everybody()
+def test_a_setting_that_was_not_applied_as_assigned_is_a_problem():
+    bots = one_bot_for_each_condition()
     records = {
         one.legs[0].session: DriveRecord(
             KEYS[one.number], "completed", mismatches=("assist",) if one.number == 0 else ()
@@ -115,16 +118,18 @@ def test_what_was_in_force_otherwise_than_assigned_is_a_problem():
     ]
 
 
-def test_columns_that_stay_empty_and_what_was_not_drawn_are_told_apart():
+def test_empty_columns_are_notes_and_missing_figures_are_problems():
     report = played(
-        *everybody(), empty_columns=("ict.use",), not_drawn=("figure_7, because of an error",)
+        *one_bot_for_each_condition(),
+        empty_columns=("ict.use",),
+        not_drawn=("figure_7, because of an error",),
     )
     assert "No bot gave a value for ict.use." in report.notes
     assert report.problems == ["Not drawn: figure_7, because of an error."]
 
 
 def test_practice_counts_as_no_drive_of_the_condition():
-    bots = everybody()
+    bots = one_bot_for_each_condition()
     records = {
         one.legs[0].session: DriveRecord(KEYS[one.number], "completed", practice=one.number == 0)
         for one in bots
@@ -132,16 +137,24 @@ def test_practice_counts_as_no_drive_of_the_condition():
     assert judge(STUDY, bots, Findings(records)).conditions[0].drives == 0
 
 
-def test_it_tells_how_many_participants_an_effect_needs():
-    assert [need["effect"] for need in played(*everybody()).power] == [0.2, 0.5, 0.8]
+def test_the_report_has_the_participants_that_an_effect_needs():
+    assert [need["effect"] for need in played(*one_bot_for_each_condition()).power] == [
+        0.2,
+        0.5,
+        0.8,
+    ]
 
 
-def test_nobody_at_all_is_no_rehearsal():
+def test_a_rehearsal_without_bots_does_not_pass():
     report = judge(STUDY, [], Findings())
     assert not report.passed
     assert report.expected_minutes == 0.0
 
 
-def test_a_drive_whose_record_gives_something_else_than_is_stored_stands_in_the_way():
+def test_a_drive_whose_replay_differs_from_its_record_is_a_problem():
     sentence = "Session s1: a replay ends as cancelled, but completed is stored."
-    assert played(*everybody(), discrepancies=(sentence,)).problems[-1].endswith(sentence)
+    assert (
+        played(*one_bot_for_each_condition(), discrepancies=(sentence,))
+        .problems[-1]
+        .endswith(sentence)
+    )

@@ -92,8 +92,8 @@ def test_docking_early_is_told_with_what_is_next_and_ends_nothing():
     drive = Drive().go(FIRST, HOME).dock().see(docked=True)
     engine = run(drive.records)
     assert told(engine)[-1] == ("docked_early", 2)
-    assert engine.cue.key == "docked_early"
-    assert (engine.cue.number, engine.result.outcome) == (2, None)
+    assert engine.progress.cue.key == "docked_early"
+    assert (engine.progress.cue.number, engine.result.outcome) == (2, None)
     drive.go(*THERE[1:], *BACK).dock()
     assert run(drive.records).result.outcome == "completed"
 
@@ -113,7 +113,7 @@ def test_a_later_checkpoint_is_told_once_a_visit_and_counts_for_nothing():
     drive = Drive().go(*BY_ARCHWAY, SECOND, (6.9, 2.1), SECOND)
     engine = run(drive.records)
     assert told(engine)[-1] == ("out_of_order", 2)
-    assert (engine.cue.key, engine.cue.number) == ("wrong_checkpoint", 1)
+    assert (engine.progress.cue.key, engine.progress.cue.number) == ("wrong_checkpoint", 1)
     assert engine.result.checkpoints == ()
     drive.go((5.5, 2.0), SECOND)
     assert [event for event, _ in told(run(drive.records))].count("out_of_order") == 2
@@ -162,7 +162,7 @@ def test_a_place_of_which_the_robot_is_not_sure_passes_nothing():
         drive.see(localized=False)
     engine = run(drive.records)
     assert engine.result.checkpoints == ()
-    assert engine.cue.key == "lost"
+    assert engine.progress.cue.key == "lost"
 
 
 # --- the photo ------------------------------------------------------------------------------------
@@ -174,9 +174,9 @@ def at_the_mirror() -> Drive:
 
 def test_the_photo_window_opens_by_itself_and_hints_which_way_to_turn():
     drive = at_the_mirror()
-    assert run(drive.turn(-1.5).records).cue.key == "photo_turn_left"
-    assert run(drive.turn(1.5).records).cue.key == "photo_turn_right"
-    assert run(drive.turn(0.0).records).cue.key == "photo_ready"
+    assert run(drive.turn(-1.5).records).progress.cue.key == "photo_turn_left"
+    assert run(drive.turn(1.5).records).progress.cue.key == "photo_turn_right"
+    assert run(drive.turn(0.0).records).progress.cue.key == "photo_ready"
 
 
 def test_the_hint_does_not_flicker_at_the_edge_of_the_view():
@@ -185,9 +185,9 @@ def test_the_hint_does_not_flicker_at_the_edge_of_the_view():
     assert cues(run(drive.turn(0.75).records))[-1] == "photo_turn_right"
 
 
-def test_who_stands_beside_the_mirror_is_told_to_move():
+def test_a_robot_beside_the_mirror_gets_the_cue_to_move():
     drive = at_the_mirror().go((7.0, 3.1)).turn(0.0)
-    assert run(drive.records).cue.key == "photo_move"
+    assert run(drive.records).progress.cue.key == "photo_move"
 
 
 @pytest.mark.parametrize(("theta", "sees"), [(0.0, True), (math.pi, False)])
@@ -200,23 +200,23 @@ def test_a_photo_is_kept_whatever_it_shows_and_the_facing_is_a_fact(theta, sees)
     assert taken.data()["facing"]["distance"] == pytest.approx(1.0, abs=0.01)
     assert told(engine)[-1] == ("photo_kept", "photo")
     assert engine.result.photo == "kept"
-    assert engine.cue.key == "return_home"
+    assert engine.progress.cue.key == "return_home"
 
 
 def test_again_asks_for_another_photo_and_skip_ends_the_asking():
     drive = at_the_mirror().turn(0.0)
     drive.say(PhotoTaken(drive.at, "one")).see()
-    assert run(drive.records).cue.key == "photo_review"
+    assert run(drive.records).progress.cue.key == "photo_review"
     drive.say(PhotoAnswer(drive.at, "a", "again")).see()
-    assert run(drive.records).cue.key == "photo_ready"
+    assert run(drive.records).progress.cue.key == "photo_ready"
     drive.say(PhotoAnswer(drive.at, "b", "skip")).see()
     engine = run(drive.records)
     assert told(engine)[-2:] == [("photo_again", "one"), ("photo_skipped", None)]
     assert engine.result.photo == "skipped"
-    assert engine.cue.key == "return_home"
+    assert engine.progress.cue.key == "return_home"
 
 
-def test_nothing_can_be_kept_before_a_photo_was_taken_nor_skipped_before_it_was_asked_for():
+def test_a_photo_can_be_kept_only_once_taken_and_skipped_only_once_prompted():
     drive = Drive()
     drive.say(PhotoAnswer(drive.at, "early", "skip")).go(*THERE).say(
         PhotoAnswer(drive.at, "keep", "keep")
@@ -231,15 +231,15 @@ def test_a_photo_that_failed_leaves_the_window_open():
     drive.say(PhotoFailed(drive.at, "photo")).see()
     engine = run(drive.records)
     assert told(engine)[-1] == ("photo_failed", "photo")
-    assert engine.cue.key == "photo_ready"
+    assert engine.progress.cue.key == "photo_ready"
 
 
 def test_the_window_closes_when_the_robot_leaves_and_opens_again_when_it_returns():
     drive = at_the_mirror().go((5.0, 3.1))
-    assert run(drive.records).cue.key == "return_home"
+    assert run(drive.records).progress.cue.key == "return_home"
     engine = run(drive.go(SECOND).records)
     assert [event for event, _ in told(engine)].count("photo_prompt") == 2
-    assert engine.cue.key.startswith("photo_")
+    assert engine.progress.cue.key.startswith("photo_")
 
 
 def test_a_course_without_a_mirror_asks_for_no_photo():
@@ -273,7 +273,7 @@ def test_the_last_minutes_are_announced_and_shown():
     assert told(engine)[-1] == ("time_warning", None)
 
 
-def test_what_comes_after_the_limit_is_too_late():
+def test_records_after_the_limit_change_nothing():
     drive = Drive().go(*THERE, *BACK)
     drive.at = START + 400.0
     engine = run(drive.dock().records)
@@ -302,7 +302,11 @@ def test_a_session_that_ends_before_the_first_picture_has_an_outcome_and_no_star
 def test_an_engine_that_was_fed_with_nothing_waits():
     engine = TaskEngine(track())
     engine.advance(1e9)
-    assert (engine.events, engine.result.outcome, engine.cue.key) == ((), None, "wait_for_picture")
+    assert (engine.events, engine.result.outcome, engine.progress.cue.key) == (
+        (),
+        None,
+        "wait_for_picture",
+    )
 
 
 # --- the same in any order ------------------------------------------------------------------------
@@ -350,7 +354,7 @@ def test_records_that_come_twice_late_and_out_of_order_give_the_same_events_and_
     for index, record in enumerate(arriving):
         engine.feed(record)
         if index % 37 == 0:
-            engine.news()  # somebody looks in between
+            engine.news()  # read in between
     assert engine.events == EXPECTED.events
     assert engine.result == EXPECTED.result
 

@@ -13,6 +13,8 @@ LOST = {"errors": ["adapter_lost: no ROS master at http://robot:11311"]}
 STOPPED = {"safety": {"estop": True, "estopSource": "screen:Giraff"}}
 FAULT = {"safety": {"inhibited": "fault"}, "errors": ["rival: another agent runs"]}
 
+RUNS_ON = {"safety": {"inhibited": "no_lease"}, "errors": ["runs_on: the robot keeps moving"]}
+
 
 def told(*, driven: bool = False, **changes):
     fields = {
@@ -44,6 +46,12 @@ def told(*, driven: bool = False, **changes):
             "bad",
             "Not available",
             "Has a fault: it does not say which.",
+        ),
+        (
+            {"report": RUNS_ON},
+            "bad",
+            "Not available",
+            "Has a fault: the robot keeps moving. Nobody",
         ),
         ({"report": LOST}, "bad", "Not available", "no ROS master at http://robot:11311"),
         ({"held": "lunch"}, "attention", "Not ready", "lunch. Resume them"),

@@ -277,7 +277,7 @@ def test_progress_with_a_long_reason_is_shortened(rig):
 
 
 class FaultyNavigation(SelfDrivingRobot):
-    """A robot whose own navigation raises in `wanted` or `dock`, or wants what is no velocity."""
+    """A robot whose own navigation raises in `wanted` or `dock`, or wants an invalid velocity."""
 
     fault = ""
 

@@ -1,4 +1,4 @@
-"""Messages on a stream: whole ones, halves, and what is none."""
+"""Messages on a stream: whole, partial and invalid ones."""
 
 import asyncio
 

@@ -27,7 +27,7 @@ def goes(rig):
 
 
 def beats(rig, seconds):
-    """Time passes, and the driver is heard."""
+    """Let time pass, with the driver's heartbeats."""
     until = rig.now() + seconds
     while rig.now() < until:
         rig.beat()

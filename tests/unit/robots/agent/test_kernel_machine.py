@@ -180,7 +180,7 @@ class KernelMachine(RuleBasedStateMachine):
         if now - self.beat_at > 0.5:
             self.quiet_since = max(self.quiet_since, now)
         self.beat_at = now
-        self.kernel.heard("p1", way, now)
+        self.kernel.heartbeat("p1", way, now)
         lease = self.kernel.leases.live(now)
         if lease is not None and now - self.quiet_since >= LET_GO - SLACK:
             self.held = False
@@ -194,7 +194,7 @@ class KernelMachine(RuleBasedStateMachine):
     @rule()
     def server_is_heard(self):
         self.server_beat_at = self.now
-        self.kernel.heard(SERVER_PEER, "mqtt", self.now)
+        self.kernel.heartbeat(SERVER_PEER, "mqtt", self.now)
 
     # --- velocities -------------------------------------------------------------------------------
 
@@ -502,7 +502,7 @@ class KernelMachine(RuleBasedStateMachine):
             and self.caps.linear is not None
             and self.kernel.leases.live(self.now) is not None
         ):
-            braking = LIMITS.linear_braking * TICK
+            braking = LIMITS.linear_braking * min(self.now - self.told_at, TICK)
             assert (
                 abs(velocity.linear)
                 <= max(self.caps.linear, abs(before.linear) - braking * 0.5) + SLACK
@@ -512,7 +512,7 @@ class KernelMachine(RuleBasedStateMachine):
             and self.caps.angular is not None
             and self.kernel.leases.live(self.now) is not None
         ):
-            braking = LIMITS.angular_braking * TICK
+            braking = LIMITS.angular_braking * min(self.now - self.told_at, TICK)
             assert (
                 abs(velocity.angular)
                 <= max(self.caps.angular, abs(before.angular) - braking * 0.5) + SLACK

@@ -81,7 +81,7 @@ def test_a_call_that_raises_does_not_hold_up_the_next():
     assert done == ["next"]
 
 
-def test_nothing_is_called_before_the_loop_runs_and_after_it_is_closed():
+def test_calls_are_ignored_before_and_after_the_loop():
     calls = LoopCalls("media")
     calls.post(lambda: 1 / 0)
     calls.loop = asyncio.new_event_loop()

@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import pytest
 
+from docs.robot_api import examples
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import Navigating
 from robots.api import messages as m
-from robots.api.examples import EXAMPLES
 from robots.api.geometry import Pose2D
 from tests.support.agents.control_rig import ControlRig
 from tests.support.agents.scripted_robot import PROFILE, ScriptedRobot, SelfDrivingRobot
@@ -69,7 +69,7 @@ def test_how_much_is_assisted_is_said_by_config_and_by_the_lease_that_overrules_
 
 
 def test_the_servers_map_is_handed_to_the_adapter(rig):
-    update = EXAMPLES["floorplan"]["full"]
+    update = examples()["floorplan"]["full"]
     rig.link.say("floorplan", update, retained=True)
     rig.wait(lambda: rig.robot.floorplans == [update])
 

@@ -47,7 +47,7 @@ def test_a_write_that_was_interrupted_leaves_the_old_file(tmp_path):
 def test_a_disk_that_fills_up_is_told_before_it_is_full(tmp_path, monkeypatch):
     store, free = Store(tmp_path / "giraff"), 500 * MIB
     monkeypatch.setattr(disk_space.shutil, "disk_usage", lambda _: SimpleNamespace(free=free))
-    assert store.shortage() == ()  # no folder yet, so nothing is kept
+    assert store.shortage() == ()  # no folder yet, so the store is empty
     store.prepare()
     assert store.shortage() == ()
     free = 150 * MIB

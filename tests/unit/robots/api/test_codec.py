@@ -175,7 +175,7 @@ def test_a_speed_that_is_no_number_is_rejected(word):
         )
 
 
-def test_what_is_larger_than_its_topic_allows_is_rejected_before_it_is_parsed():
+def test_a_payload_over_the_limit_of_its_topic_is_rejected_before_parsing():
     with pytest.raises(Rejection, match="oversized"):
         codec.decode("command/velocity", b" " * 1025)
     with pytest.raises(Rejection, match="oversized"):

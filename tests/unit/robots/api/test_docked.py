@@ -51,7 +51,7 @@ def test_a_docked_robot_stays_docked_while_its_contacts_bounce_and_while_it_is_d
     assert not after((0.6, False), before=docked).docked
 
 
-def test_nothing_is_continuous_across_a_gap_in_the_readings():
+def test_a_gap_in_the_readings_restarts_the_time_at_rest():
     first = follow(DOCKED, APART, DockReading(at=0.0, contact=True))
     late = follow(DOCKED, first, DockReading(at=5.0, contact=True))
     assert not late.docked

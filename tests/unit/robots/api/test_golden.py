@@ -1,6 +1,4 @@
-"""The golden messages: what Python writes, JavaScript reads (tests/js/protocol/robot_api.test.js),
-and the other way round.
-"""
+"""The golden messages, which Python and JavaScript (tests/js/protocol/robot_api.test.js) decode."""
 
 import inspect
 import json
@@ -8,71 +6,42 @@ import json
 import msgspec
 import pytest
 
-from robots.api import codec, messages, topics
+from docs.robot_api import MANAGER_STATUS, WITH_MESSAGES, as_json, examples, golden_path
+from robots.api import codec, messages
 from robots.api.errors import Rejection
-from robots.api.examples import EXAMPLES, MANAGER_STATUS
-from robots.api.reference import golden_files
 from sessions import protocol
 from tests.support.paths import GOLDEN
 
 REFUSED = json.loads((GOLDEN / "refused.json").read_text(encoding="utf-8"))
 WIRE = json.loads((GOLDEN / "wire.json").read_text(encoding="utf-8"))
-CASES = [(suffix, name) for suffix, examples in EXAMPLES.items() for name in examples]
+SUFFIXES = [topic.suffix for topic in WITH_MESSAGES]
 
 
-def concrete(suffix):
-    return suffix.replace("+", "p1")
+@pytest.mark.parametrize(
+    ("suffix", "name"), [(suffix, name) for suffix in SUFFIXES for name in examples()[suffix]]
+)
+def test_a_golden_message_is_decoded_and_encoded_unchanged(suffix, name):
+    golden = json.loads(golden_path(suffix).read_text("utf-8"))["messages"][name]
+    message = codec.decode(suffix.replace("+", "p1"), json.dumps(golden))
+    assert message == examples()[suffix][name]
+    assert json.loads(codec.encode(message)) == golden
 
 
-@pytest.mark.parametrize(("suffix", "name"), CASES)
-def test_a_message_comes_back_from_the_wire_as_it_went(suffix, name):
-    message = EXAMPLES[suffix][name]
-    assert codec.decode(concrete(suffix), codec.encode(message)) == message
+@pytest.mark.parametrize("suffix", [*SUFFIXES, MANAGER_STATUS])
+def test_a_golden_file_has_its_suffix_and_its_messages_as_python_writes_them(suffix):
+    written = {"suffix": suffix, "messages": msgspec.to_builtins(examples()[suffix])}
+    assert golden_path(suffix).read_text("utf-8") == as_json(written)
 
 
-@pytest.mark.parametrize("name", sorted(golden_files()))
-def test_a_golden_file_is_what_python_writes(name):
-    assert (GOLDEN / name).read_text(encoding="utf-8") == golden_files()[name], (
-        "run python -m robots.api.reference"
-    )
-
-
-@pytest.mark.parametrize(("suffix", "name"), CASES)
-def test_a_golden_message_read_from_its_file_is_the_example(suffix, name):
-    file = json.loads(
-        (GOLDEN / (suffix.replace("/+", "").replace("/", "-") + ".json")).read_text(
-            encoding="utf-8"
-        )
-    )
-    assert (
-        codec.decode(concrete(file["suffix"]), json.dumps(file["messages"][name]))
-        == EXAMPLES[suffix][name]
-    )
-
-
-def test_every_topic_and_every_message_class_has_an_example():
-    lines = [*topics.TABLE, *topics.DATA_CHANNEL_ONLY]
-    assert {line.suffix for line in lines if line.content is not bytes} == set(EXAMPLES)
-    shown = {
-        type(message)
-        for examples in (*EXAMPLES.values(), MANAGER_STATUS)
-        for message in examples.values()
-    }
-    inside = {type(value) for message in all_examples() for value in parts(message)}
+def test_every_message_class_has_a_golden_message():
+    shown = [message for named in examples().values() for message in named.values()]
+    inside = {type(value) for message in shown for value in parts(message)}
     every = {
         kind
         for _, kind in inspect.getmembers(messages, inspect.isclass)
         if issubclass(kind, messages.Message)
     }
-    assert every - {messages.Message, messages.Action} <= shown | inside
-
-
-def all_examples():
-    return [
-        message
-        for examples in [*EXAMPLES.values(), MANAGER_STATUS]
-        for message in examples.values()
-    ]
+    assert every - {messages.Message, messages.Action} <= {*map(type, shown)} | inside
 
 
 def parts(value):

@@ -21,7 +21,7 @@ def test_words_are_milliseconds_percent_and_kbit_a_second():
     st.integers(0, 100),
     st.none() | st.integers(1, 100_000),
 )
-def test_what_is_spelled_is_read_again(delay, share, loss, reorder, rate):
+def test_a_spelled_network_is_parsed_to_the_same_network(delay, share, loss, reorder, rate):
     lab = NetworkLab(
         delay=delay / 1000,
         jitter=int(delay * share) / 1000,

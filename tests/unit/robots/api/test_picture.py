@@ -35,7 +35,7 @@ def test_a_picture_comes_back_from_the_wire_as_it_went():
         picture.pack(1e12, JPEG),
     ],
 )
-def test_what_is_no_picture_of_a_time_is_malformed(payload):
+def test_a_picture_without_a_valid_stamp_or_jpeg_is_malformed(payload):
     with pytest.raises(Rejection) as refusal:
         codec.decode("picture", payload)
     assert refusal.value.reason == "malformed"

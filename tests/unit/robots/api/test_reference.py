@@ -3,32 +3,34 @@ from functools import cache
 
 import pytest
 
+from docs import robot_api
 from robots.agent.control import dispatcher, owned_actions, reports
 from robots.agent.ramp import LONGEST_DEADMAN, LONGEST_WATCHDOG
 from robots.agent.safety import freshness, hold, permissions
 from robots.agent.safety.kernel import KERNEL, STANDSTILL
 from robots.api import messages, topics
-from robots.api import reference as made
-from robots.api.reference import classes
 from tests.support.paths import ROOT
 
-generated_files, reference = cache(made.generated_files), cache(made.reference)
+reference = cache(robot_api.reference)
 
 
-@pytest.mark.parametrize("name", sorted(generated_files()))
-def test_what_is_generated_stands_in_the_tree_as_it_is_generated(name):
-    assert (ROOT / name).read_text(encoding="utf-8") == generated_files()[name], (
-        "run python -m robots.api.reference"
+@pytest.mark.parametrize("name", [robot_api.REFERENCE, robot_api.SCHEMA])
+def test_the_reference_and_the_schema_are_up_to_date(name):
+    assert (ROOT / name).read_text(encoding="utf-8") == robot_api.generated_files()[name], (
+        "run make docs"
     )
 
 
-@pytest.mark.parametrize(
-    "topic", [*topics.TABLE, *topics.DATA_CHANNEL_ONLY], ids=lambda topic: topic.suffix
-)
-def test_every_topic_stands_in_the_reference_with_its_messages_and_an_example(topic):
+def test_the_reference_states_the_version_and_the_root_of_the_topics():
+    assert reference().startswith(f"# Robot API, version {messages.VERSION}\n")
+    assert f"- Topics are `{topics.ROOT}/<robot>/<suffix>`." in reference()
+
+
+@pytest.mark.parametrize("topic", robot_api.TOPICS, ids=lambda topic: topic.suffix)
+def test_the_reference_has_every_topic_with_its_messages_and_an_example(topic):
     section = reference().partition(f"### `{topic.suffix}`\n")[2].partition("\n### ")[0]
     assert topic.doc[1:] in section
-    for kind in classes(topic.content):
+    for kind in robot_api.classes(topic.content):
         assert f"#### {kind.__name__}\n" in section
     assert topic.content is bytes or "```json" in section
 
@@ -49,7 +51,7 @@ def rules():
     return " ".join(text.partition("\n## ")[0].split())
 
 
-def test_every_reason_for_a_refusal_stands_among_the_rules_of_an_agent():
+def test_the_rules_of_an_agent_name_every_reason_for_a_refusal():
     table = (ROOT / "docs/explanation/safety.md").read_text(encoding="utf-8")
     rows = table.partition("## Refusal reasons")[2].partition("**Releasing")[0].splitlines()
     cells = [row.partition(" | ")[0] for row in rows if row.startswith("|")]
@@ -58,7 +60,7 @@ def test_every_reason_for_a_refusal_stands_among_the_rules_of_an_agent():
     assert {reason for reason in reasons if f"`{reason}`" not in rules()} == set()
 
 
-def test_what_needs_no_lease_stands_among_the_rules_of_an_agent():
+def test_the_rules_of_an_agent_name_the_actions_without_a_lease():
     (sentence,) = re.findall(r"Without a lease .*? never the driver's", rules())
     for kind, roles in permissions.WITHOUT_LEASE.items():
         assert f"`{kind.__struct_config__.tag}`" in sentence

@@ -45,9 +45,9 @@ def test_a_robot_that_goes_on_beating_has_not_gone_and_its_pages_hear_so():
     delivery, page = Delivery(), Ear()
     delivery.listen("giraff", page, 0.0)
     known = delivery.known["giraff"]
-    gone = codec.encode(words.broken())
+    offline = codec.encode(words.broken())
     delivery.arrive(topics.of("giraff", "connection"), codec.encode(words.online()), 0.0)
-    delivery.arrive(topics.of("giraff", "connection"), gone, 10.0)
+    delivery.arrive(topics.of("giraff", "connection"), offline, 10.0)
     delivery.arrive(topics.of("giraff", "heartbeat"), beat(1), 11.0)
     assert known.online is False, "that may be the last of one that went"
     delivery.arrive(topics.of("giraff", "heartbeat"), beat(2), 10.0 + DOUBT_SECONDS)
@@ -58,7 +58,7 @@ def test_a_robot_that_goes_on_beating_has_not_gone_and_its_pages_hear_so():
         "CONNECTIONBROKEN",
         "ONLINE",
     ]
-    delivery.arrive(topics.of("giraff", "connection"), gone, 30.0)
+    delivery.arrive(topics.of("giraff", "connection"), offline, 30.0)
     assert known.online is False
 
 
@@ -123,7 +123,7 @@ def test_a_server_whose_counter_began_anew_is_believed_when_nobody_drives():
     assert known.take("lease", lease(epoch=1, stamp=20.0), 11.0)
 
 
-def test_what_the_database_says_goes_before_everything_heard():
+def test_a_lease_of_the_database_overrides_every_message():
     known = KnownRobot("giraff")
     known.take("lease", lease(epoch=50, stamp=10.0), 0.0)
     assert known.take_lease(lease(epoch=2, stamp=5.0), 1.0, certain=True)

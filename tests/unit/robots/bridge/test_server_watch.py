@@ -1,4 +1,4 @@
-"""Which part of the server fails, by what is heard and what is not."""
+"""Which part of the server is at fault, by the messages that arrive."""
 
 import pytest
 
@@ -24,12 +24,12 @@ class Server:
         self.asked = False
 
     def run(self, seconds):
-        """Let time pass; return what is found to fail at the end of it."""
+        """Let time pass; return the faults at its end."""
         for _ in range(round(seconds / STEP)):
             self.now += STEP
             step = round(self.now / STEP)
             if {BROKER, SESSION_MANAGER} <= self.lives and step % 10 == 0:
-                self.watch.heard(self.status, self.now)
+                self.watch.on_status(self.status, self.now)
             if {BROKER, ROBOT} <= self.lives and step % 4 == 0:
                 self.robot.take("heartbeat", None, self.now)
             if self.asked and BROKER in self.lives:
@@ -67,7 +67,7 @@ def test_a_part_that_is_stopped_is_named_within_two_seconds_and_forgotten_when_i
 
 
 @pytest.mark.parametrize("part", [SESSION_MANAGER, BROKER, ROBOT])
-def test_nothing_else_is_named_on_the_way(server, part):
+def test_no_other_part_is_named_during_a_fault(server, part):
     server.lives.remove(part)
     found = [server.run(STEP) for _ in range(200)]
     assert found == sorted(found)
@@ -90,7 +90,7 @@ def test_a_lost_broker_is_named_at_once_and_who_comes_back_with_it_has_time_to(s
     assert server.run(1.0) == (SESSION_MANAGER, ROBOT)
 
 
-def test_what_the_session_manager_lacks_is_handed_on_while_it_says_so(server):
+def test_faults_of_the_session_manager_are_passed_on_while_it_reports_them(server):
     server.status = ManagerStatus(stamp=0.0, faults=("database", "disk_low"))
     server.until(("database", "disk_low"))
     server.status = ManagerStatus(stamp=0.0)

@@ -29,7 +29,7 @@ def test_a_turned_mount_turns_the_beams():
 
 
 @pytest.mark.parametrize("nonsense", [math.nan, -0.1, 8.01, math.inf, -math.inf])
-def test_what_no_laser_measures_counts_as_nothing(nonsense):
+def test_ranges_that_no_laser_measures_count_as_no_echo(nonsense):
     beams = sweep([1.0, nonsense, 1.0])
     assert np.isinf(beams.ranges[1])
     assert len(beams.points()) == 2

@@ -8,14 +8,14 @@ from hypothesis import strategies as st
 
 from sessions.audience.board import (
     HAND_SECONDS,
-    MOST_NAMES,
-    MOST_OWN,
-    MOST_WAITING,
+    MAX_NAMES,
+    MAX_OWN,
+    MAX_WAITING,
     QUESTION_PAUSE,
     Asked,
     Board,
     RaisedHand,
-    cleaned,
+    sanitize,
 )
 from sessions.protocol import AudienceState
 
@@ -40,7 +40,7 @@ def asks(board, user, stamp=1.0, text="Why?"):
 
 
 def talk(*boards, now=1.0):
-    """Let each tell the others what is new until nothing is."""
+    """Exchange updates until no board changes."""
     before = None
     while (versions := [board.version for board in boards]) != before:
         before = versions
@@ -116,8 +116,8 @@ def test_a_person_asks_now_and_then_and_has_so_many_questions_that_wait():
     board = opened()
     asks(board, "ada", 0.0)
     assert board.ask(Asked("x", "ada", "Ada", "And?", QUESTION_PAUSE - 0.1)) == "rate"
-    keys = [asks(board, "ada", QUESTION_PAUSE * n) for n in range(1, MOST_OWN)]
-    late = QUESTION_PAUSE * MOST_OWN
+    keys = [asks(board, "ada", QUESTION_PAUSE * n) for n in range(1, MAX_OWN)]
+    late = QUESTION_PAUSE * MAX_OWN
     assert board.ask(Asked("y", "ada", "Ada", "And?", late)) == "too_many"
     board.mark(keys[0], "answered")
     asks(board, "ada", late)
@@ -125,7 +125,7 @@ def test_a_person_asks_now_and_then_and_has_so_many_questions_that_wait():
 
 def test_a_list_that_nobody_can_answer_is_full():
     board = opened()
-    keys = [asks(board, f"user{n}") for n in range(MOST_WAITING)]
+    keys = [asks(board, f"user{n}") for n in range(MAX_WAITING)]
     assert board.ask(Asked("x", "ada", "Ada", "Why?", 1.0)) == "full"
     board.mark(keys[0], "answered")
     asks(board, "ada")
@@ -145,11 +145,11 @@ def test_a_list_that_nobody_can_answer_is_full():
     ],
 )
 def test_a_question_is_one_line_of_plain_text(said, kept):
-    assert cleaned(said) == kept
+    assert sanitize(said) == kept
 
 
 def test_an_empty_question_is_none():
-    assert opened().ask(Asked("x", "ada", "Ada", cleaned(" \n "), 1.0)) == "empty"
+    assert opened().ask(Asked("x", "ada", "Ada", sanitize(" \n "), 1.0)) == "empty"
 
 
 def test_with_the_next_drive_everything_is_forgotten():
@@ -179,7 +179,7 @@ def test_two_processes_have_one_list():
     assert not one.view("ada").raised
 
 
-def test_who_has_a_hand_up_takes_it_down_from_another_process():
+def test_a_visitor_lowers_their_hand_from_another_process():
     one, two = opened("a"), opened("b")
     raises(one, "ada")
     talk(one, two)
@@ -194,14 +194,14 @@ def test_a_process_that_comes_late_or_missed_something_learns_all():
     key = asks(one, "ada")
     talk(one, two)
     one.mark(key, "answering")
-    one.update()  # which nobody hears
+    one.update()  # which is lost
     raises(one, "bob")
     talk(one, two, late)
     assert states(one) == states(two) == states(late) == [("Why?", "answering")]
     assert names(late) == ("Bob",)
 
 
-def test_what_is_heard_again_is_no_news():
+def test_a_repeated_update_changes_nothing():
     one, two = opened("a"), opened("b")
     raises(one, "ada")
     asks(one, "ada")
@@ -253,7 +253,7 @@ def test_hundreds_of_hands_of_several_processes_are_one_row():
     talk(*boards)
     for board in boards:
         seen = board.view("", moderates=True)
-        assert (seen.hands, len(seen.names), seen.names[0]) == (600, MOST_NAMES, "User0")
+        assert (seen.hands, len(seen.names), seen.names[0]) == (600, MAX_NAMES, "User0")
     boards[0].lower_all()
     talk(*boards)
     assert [board.view("", moderates=True).hands for board in boards] == [0, 0, 0]

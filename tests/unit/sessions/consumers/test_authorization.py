@@ -489,6 +489,22 @@ def test_a_page_that_drove_over_its_socket_leaves_a_stop_behind_and_no_other_doe
     assert observer().parting_stop("a", 5.0, LEASE, 0.0) is None
 
 
+@pytest.mark.parametrize("kind", [m.Stop, m.EStop])
+@pytest.mark.parametrize("page", ["that left", "that reconnected", "that waits again"])
+def test_a_late_copy_of_a_drivers_stop_names_the_drive_that_has_ended(kind, page):
+    authorization = observer() if page == "that reconnected" else driver()
+    if page == "that left":
+        authorization.leave()
+    elif page == "that waits again":
+        authorization.wait("s2")
+    for claimed in (SESSION, None):
+        (halt,) = say(
+            authorization, "command/action", action(kind, session=claimed, epoch=7), lease=None
+        )
+        assert (halt.message.session, halt.message.epoch) == (claimed, 0)
+        assert halt.message.role == "observer"
+
+
 # --- whatever a page says -------------------------------------------------------------------------
 
 SUFFIXES = st.sampled_from(

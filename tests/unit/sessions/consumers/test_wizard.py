@@ -3,9 +3,9 @@
 import msgspec
 import pytest
 
+from docs.robot_api import examples
 from robots.api import codec
 from robots.api import messages as m
-from robots.api.examples import EXAMPLES
 from robots.bridge.delivery import ReceivedMessage
 from sessions import protocol as pages
 from sessions.consumers.authorization import Authorization, DenyFrame, Halt, Publish, Verb
@@ -155,7 +155,7 @@ def test_the_last_stop_of_a_page_that_is_gone_is_sent_only_while_it_drives():
 
 # --- what is told ---------------------------------------------------------------------------------
 
-STATE = next(one for one in EXAMPLES["state"].values() if isinstance(one, m.State))
+STATE = next(one for one in examples()["state"].values() if isinstance(one, m.State))
 LAB = m.LabReport(lab=m.NetworkLab(delay=0.123456))
 TELLING = msgspec.structs.replace(
     STATE,

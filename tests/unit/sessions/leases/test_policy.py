@@ -4,8 +4,8 @@ import hypothesis.strategies as st
 import pytest
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from sessions.leases.policy import Deny, Grant, Resume, Wait
-from sessions.protocol import Offered
+from sessions.leases.policy import Grant, Resume, Wait
+from sessions.protocol import Offered, Refused
 from tests.support.examples import examples
 from tests.support.sessions.lease_world import RULES, World
 
@@ -50,8 +50,8 @@ def test_a_double_click_is_not_a_second_tab(world):
 def test_a_wrong_old_peer_is_not_resumed(world):
     world.take("ana", peer="first")
     session = world.session_of("ana").id
-    assert world.take("ana", peer="second", session=session, old_peer="guess") == Deny(
-        "elsewhere", session
+    assert world.take("ana", peer="second", session=session, old_peer="guess") == Refused(
+        reason="elsewhere", session=session
     )
 
 
@@ -60,7 +60,7 @@ def test_a_second_tab_is_refused_while_the_first_is_open_and_gets_a_new_epoch_wh
 ):
     world.take("ana", peer="first")
     session = world.session_of("ana").id
-    assert world.take("ana", peer="second") == Deny("elsewhere", session)
+    assert world.take("ana", peer="second") == Refused(reason="elsewhere", session=session)
     assert world.take("ana", peer="second", takeover=True).returning
     assert (world.hold.epoch, world.hold.peer) == (2, "second")
 
@@ -78,14 +78,16 @@ def test_a_tab_that_copied_the_session_of_an_open_one_is_refused(world):
     world.take("ana", peer="first")
     session = world.session_of("ana").id
     world.change(session, state="driving")
-    assert world.take("ana", peer="second", session=session) == Deny("elsewhere", session)
+    assert world.take("ana", peer="second", session=session) == Refused(
+        reason="elsewhere", session=session
+    )
 
 
 def test_a_second_tab_cannot_steal_a_drive_that_lives_on_the_data_channel_alone(world):
     world.take("ana", peer="first")
     session = world.session_of("ana").id
     world.change(session, state="driving", seen_at=None)
-    assert world.take("ana", peer="second") == Deny("elsewhere", session)
+    assert world.take("ana", peer="second") == Refused(reason="elsewhere", session=session)
 
 
 def test_a_lost_visitor_returns_from_any_page(world):
@@ -99,8 +101,10 @@ def test_a_session_that_is_over_is_not_resumed(world):
     world.take("ana")
     session = world.session_of("ana").id
     world.end(session, "completed", "left")
-    assert world.take("ana", session=session, old_peer="peer-of-ana") == Deny("ended", session)
-    assert world.take("ben", session=session) == Deny("ended", session)
+    assert world.take("ana", session=session, old_peer="peer-of-ana") == Refused(
+        reason="ended", session=session
+    )
+    assert world.take("ben", session=session) == Refused(reason="ended", session=session)
 
 
 @pytest.mark.parametrize(
@@ -109,10 +113,10 @@ def test_a_session_that_is_over_is_not_resumed(world):
 )
 def test_a_robot_that_is_not_there_is_not_given(world, online, enabled, reason):
     world.online, world.enabled = online, enabled
-    assert world.take("ana") == Deny(reason)
+    assert world.take("ana") == Refused(reason=reason)
 
 
-def test_whoever_waits_goes_on_waiting_while_the_robot_is_offline(world):
+def test_the_queue_is_kept_while_the_robot_is_offline(world):
     world.take("ana")
     world.take("ben")
     world.online = False
@@ -127,7 +131,7 @@ def test_a_free_robot_is_for_the_first_in_the_queue(world):
     assert isinstance(world.take("ben"), Grant)
 
 
-def test_who_waits_with_a_closed_page_does_not_block_the_others_and_keeps_the_place(world):
+def test_a_waiting_session_with_a_closed_page_keeps_its_place_and_blocks_no_other(world):
     world.take("ana")
     world.take("ben")
     world.change(world.session_of("ben").id, seen_at=None, lost_at=world.now)
@@ -136,7 +140,7 @@ def test_who_waits_with_a_closed_page_does_not_block_the_others_and_keeps_the_pl
     assert world.take("ben").place == 1
 
 
-def test_who_has_closed_the_page_is_counted_by_nobody_behind_them(world):
+def test_sessions_with_a_closed_page_do_not_count_for_those_behind_them(world):
     world.take("ana")
     world.take("ben")
     assert world.take("cem").place == 2
@@ -244,12 +248,12 @@ class Everybody(RuleBasedStateMachine):
         assert epochs == sorted(set(epochs))
 
     @invariant()
-    def a_visitor_has_one_visit_at_most(self):
+    def a_visitor_has_one_session_at_most(self):
         visitors = [session.visitor for session in self.world.sessions.values()]
         assert len(visitors) == len(set(visitors))
 
     @invariant()
-    def one_turn_at_most_is_offered_and_never_while_somebody_drives(self):
+    def at_most_one_turn_is_offered_and_none_during_a_drive(self):
         offers = [
             session
             for session in self.world.scene.queue
@@ -259,8 +263,8 @@ class Everybody(RuleBasedStateMachine):
         assert not (offers and self.world.scene.holder)
 
     def teardown(self):
-        """Whoever waits patiently, and takes the turn when it comes, is served within a turn for
-        everybody ahead.
+        """A visitor who waits, and takes the turn when it is offered, gets the robot within one
+        turn for each visitor ahead.
         """
         self.world.online = True
         patient = [session.visitor for session in self.world.scene.queue]
@@ -275,7 +279,9 @@ class Everybody(RuleBasedStateMachine):
             self.world.tick()
             for visitor in list(patient):
                 session = self.world.session_of(visitor)
-                if session is None or isinstance(self.world.take(visitor), Grant | Resume | Deny):
+                if session is None or isinstance(
+                    self.world.take(visitor), Grant | Resume | Refused
+                ):
                     patient.remove(visitor)
         assert not patient, "somebody was never served"
 

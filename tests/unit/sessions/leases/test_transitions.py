@@ -8,8 +8,8 @@ from sessions.leases.policy import Grant, Wait
 from sessions.leases.transitions import (
     ANSWER_SECONDS,
     IDLE,
-    ON_THE_WAY,
     ROBOT_SILENCE,
+    ROUND_TRIP_MARGIN_S,
     Free,
     Move,
     RobotLink,
@@ -78,7 +78,7 @@ def test_the_grace_period_ends_as_connection_lost(world):
     assert world.scene.hold.session is None
 
 
-def test_who_comes_back_within_the_grace_period_gets_all_of_it_again(world):
+def test_a_reconnection_within_the_grace_period_restores_all_of_it(world):
     session = drive(world)
     world.connected.clear()
     pass_time(world, RULES.grace - 2.0)
@@ -114,7 +114,7 @@ def test_a_robot_that_dies_again_and_again_is_not_taken_for_a_visitor_who_is_los
     while world.scene.hold.session is not None:
         world.now += 1.0
         world.pages_say_they_are_open({"ana"})
-        died_at = world.now - world.now % 10.0  # it comes back every ten seconds, for a moment
+        died_at = world.now - world.now % 10.0  # it reconnects every ten seconds, for a moment
         acts = world.tick(replace(begun_anew(world), last_received_at=died_at, state_at=died_at))
     assert acts == (Ended(session=session, outcome="robot_fault", reason="robot_offline"),)
 
@@ -176,7 +176,7 @@ def test_a_turn_ends_after_its_minutes_when_somebody_waits_with_a_warning_before
     assert Ended(session=session, outcome="timed_out", reason="turn_over") in acts
 
 
-def test_who_has_driven_on_alone_for_long_is_warned_from_the_moment_that_somebody_waits(world):
+def test_a_long_drive_is_warned_from_when_another_visitor_waits(world):
     session = drive(world)
     pass_time(world, 5 * RULES.turn)
     world.take("ben")
@@ -200,7 +200,7 @@ def test_the_limit_is_lifted_when_nobody_waits_any_more(world):
     assert pass_time(world, 2 * RULES.turn) == []
 
 
-def test_who_waits_with_a_closed_page_ends_nobodys_turn(world):
+def test_a_waiting_session_with_a_closed_page_ends_no_turn(world):
     session = drive(world)
     world.take("ben")
     world.change(world.session_of("ben").id, seen_at=None)
@@ -245,11 +245,11 @@ def test_an_offer_that_could_not_be_taken_does_not_lapse(world):
     assert world.tick() == (Withdraw(world.session_of("ben").id),)
 
 
-def test_nobody_is_punished_for_the_session_managers_own_absence(world):
+def test_no_session_ends_because_the_session_manager_was_away(world):
     session = drive(world)
     world.connected.clear()
     world.tick()
-    world.now += 1000.0  # nobody looked
+    world.now += 1000.0  # no session manager ran
     started = RobotLink(since=world.now)
     world.change(session, seen_at=None)
     assert world.tick(started) == ()
@@ -294,7 +294,7 @@ def asking() -> World:
     return world
 
 
-def test_who_does_nothing_is_asked_and_then_the_next_in_the_queue_gets_the_robot(asking):
+def test_an_idle_driver_is_asked_and_then_the_next_visitor_gets_the_robot(asking):
     session = asking.session_of("ana").id
     assert isinstance(asking.take("ben"), Wait)
     asking.rules = replace(ASKING, turn=3600.0)
@@ -302,7 +302,7 @@ def test_who_does_nothing_is_asked_and_then_the_next_in_the_queue_gets_the_robot
         asking, ASKING.idle - 1.0
     )
     assert AskedThere(session=session, seconds=ANSWER_SECONDS) in pass_time(asking, 1.5)
-    acts = pass_time(asking, ANSWER_SECONDS + ON_THE_WAY + 1.0)
+    acts = pass_time(asking, ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
     assert [act for act in acts if isinstance(act, Ended | Offered)] == [
         Ended(session=session, outcome="timed_out", reason=IDLE),
         Offered(session=asking.session_of("ben").id, seconds=RULES.start),
@@ -325,7 +325,7 @@ def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_ta
     asking,
 ):
     session = asking.session_of("ana").id
-    pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY - 1.0)
+    pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S - 1.0)
     asking.signs[session] = asking.now
     assert asking.tick() == (FoundThere(session=session),)
     assert not [act for act in pass_time(asking, ASKING.idle - 1.0) if isinstance(act, Ended)]
@@ -334,17 +334,18 @@ def test_a_sign_in_the_last_moment_keeps_the_robot_though_question_and_answer_ta
 def test_a_sign_of_another_visit_keeps_nothing(asking):
     asking.signs["s0"] = asking.now + ASKING.idle
     assert [
-        type(act) for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY + 1.0)
+        type(act)
+        for act in pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S + 1.0)
     ] == [AskedThere, Ended]
 
 
-def test_who_gives_signs_is_never_asked(asking):
+def test_an_active_driver_is_never_asked(asking):
     for _ in range(10):
         asking.active_at = asking.now
         assert pass_time(asking, ASKING.idle - 1.0) == []
 
 
-def test_nobody_is_sent_away_who_was_not_asked_for_as_long_as_an_answer_takes(asking):
+def test_no_driver_is_removed_before_there_was_time_to_answer(asking):
     asking.now += 1000.0  # the session manager could not look for so long
     asking.pages_say_they_are_open({"ana"})
     assert asking.tick() == (
@@ -365,7 +366,7 @@ def test_a_question_to_one_visit_is_no_question_to_the_next(asking):
     ]
 
 
-def test_nobody_is_asked_where_the_rules_or_the_terms_of_the_visit_say_never(asking):
+def test_no_driver_is_asked_where_rules_or_terms_say_never(asking):
     session = asking.session_of("ana").id
     asking.change(session, idle=0.0)
     assert pass_time(asking, 1000.0) == []
@@ -382,7 +383,7 @@ def test_terms_of_a_visit_have_it_asked_sooner(asking):
 def test_a_lost_visitor_is_not_asked_but_has_the_grace_period(asking):
     session = asking.session_of("ana").id
     asking.connected.clear()
-    acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ON_THE_WAY)
+    acts = pass_time(asking, ASKING.idle + ANSWER_SECONDS + ROUND_TRIP_MARGIN_S)
     assert [type(act) for act in acts] == [Move, Ended]
     assert acts[-1] == Ended(session=session, outcome="connection_lost", reason="visitor_silent")
 

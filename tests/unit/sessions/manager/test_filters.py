@@ -6,11 +6,11 @@ from sessions.manager.ingest import filters
 
 
 def test_a_share_hears_what_is_frequent_of_its_robots_alone_and_what_is_rare_of_all():
-    heard = {topic for topic, _ in filters(["giraff"])}
-    assert topics.of("giraff", "state") in heard
-    assert topics.of("+", "state") not in heard
-    assert topics.of("+", "event") in heard
-    assert topics.of("giraff", "pose") not in heard
+    subscribed = {topic for topic, _ in filters(["giraff"])}
+    assert topics.of("giraff", "state") in subscribed
+    assert topics.of("+", "state") not in subscribed
+    assert topics.of("+", "event") in subscribed
+    assert topics.of("giraff", "pose") not in subscribed
 
 
 def test_one_session_manager_needs_as_many_filters_as_one_robot():

@@ -24,7 +24,7 @@ class Kept(list):
 
 
 class Manager:
-    """An intake with a clock, and nobody's robots until `own` names some."""
+    """An intake with a clock, without robots until `own` names some."""
 
     def __init__(self):
         self.now, self.recorded, self.woken = 1000.0, Kept(), 0
@@ -43,7 +43,7 @@ class Manager:
 
     def own(self, *robots):
         self.ownership.become({shard_of(robot): 1 for robot in robots})
-        return self.intake.follow_ownership()
+        self.intake.follow_ownership()
 
     def hear(self, topic, payload):
         said = payload if isinstance(payload, bytes) else codec.encode(payload)
@@ -67,28 +67,28 @@ def event(seq):
     return m.Event(stamp=1.0, boot="b1", seq=seq, type="docked")
 
 
-def test_what_a_robot_has_just_said_is_taken_when_it_becomes_ours(manager):
+def test_recent_messages_of_a_robot_are_taken_when_it_becomes_ours(manager):
     manager.robot_says("event", event(1))
     manager.now += EARLY_SECONDS - 1.0
     manager.robot_says("event", event(2))
     manager.robot_says("event", event(3), robot="rhodon")
     assert manager.recorded == []
-    assert manager.own("giraff")
+    manager.own("giraff")
     assert [(item.event.seq, item.received_at) for item in manager.recorded] == [
         (1, 1000.0),
         (2, manager.now),
     ]
-    assert manager.own("giraff", "rhodon")
+    manager.own("giraff", "rhodon")
     assert manager.recorded[-1].robot == "rhodon"
     assert len(manager.recorded) == 3
 
 
-def test_what_it_said_longer_ago_is_not(manager):
+def test_older_messages_are_not_taken(manager):
     manager.robot_says("event", event(1))
     manager.now += EARLY_SECONDS + 1.0
     manager.robot_says("event", event(2), robot="rhodon")
     manager.now += 1.0
-    assert manager.own("giraff", "rhodon")
+    manager.own("giraff", "rhodon")
     assert [item.robot for item in manager.recorded] == ["rhodon"]
     manager.own()
     manager.robot_says("event", event(3))
@@ -100,7 +100,7 @@ def test_what_it_said_longer_ago_is_not(manager):
 def test_without_a_change_of_owners_nothing_is_taken_again(manager):
     manager.own("giraff")
     manager.robot_says("event", event(1))
-    assert not manager.intake.follow_ownership()
+    manager.intake.follow_ownership()
     assert len(manager.recorded) == 1
 
 
@@ -117,7 +117,7 @@ def test_a_robot_that_is_anothers_by_now_is_forgotten(manager):
     for robot in ("giraff", "rhodon"):
         manager.robot_says("state", words.state(1), robot)
     manager.own("rhodon")
-    assert set(manager.intake.last_received) == {"rhodon"}
+    assert set(manager.intake.liveness) == {"rhodon"}
     assert [news.robot for news in manager.intake.presence_news()] == ["rhodon"]
 
 
@@ -137,7 +137,7 @@ def test_a_robot_that_sends_nonsense_for_ever_fills_no_log(manager, caplog):
         (protocol.page_reports("s1"), b"x" * (protocol.MAX_FRAME + 1), "oversized"),
     ],
 )
-def test_what_is_no_message_of_ours_is_counted_by_its_reason(manager, topic, payload, reason):
+def test_malformed_messages_are_counted_by_reason(manager, topic, payload, reason):
     manager.hear(topic, payload)
     assert manager.intake.counts == {reason: 1}
 
@@ -151,7 +151,7 @@ def test_only_a_session_that_a_web_process_has_ended_wakes_the_scheduler(manager
     assert manager.woken == 1
 
 
-def test_what_robots_said_of_themselves_comes_again_in_order_when_it_was_not_stored(manager):
+def test_presence_that_was_not_stored_is_repeated_in_order(manager):
     manager.own("giraff")
     sheet = words.factsheet()
     manager.robot_says("connection", ONLINE)
@@ -210,5 +210,5 @@ def test_photos_of_robots_that_are_not_ours_take_a_bounded_amount_of_memory(mana
     photo = bytes(512 * 1024)
     for number in range(200):
         manager.hear(topics.of("rhodon", f"photo/a{number}"), photo)
-    assert manager.own("rhodon")
+    manager.own("rhodon")
     assert 0 < sum(len(item.jpeg) for item in manager.recorded) <= 32 * 1024 * 1024

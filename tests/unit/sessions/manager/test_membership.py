@@ -1,5 +1,5 @@
-"""Session managers that join, are stopped, killed, and go on, on a virtual clock and rows in
-memory: nobody acts for a robot of another one.
+"""Session managers that join, are stopped, killed and resumed, on a virtual clock and rows in
+memory: none acts for another one's robots.
 """
 
 from pathlib import Path
@@ -222,7 +222,7 @@ def test_a_process_takes_the_lowest_free_slot_and_waits_until_it_knows_the_other
     assert world.divided()
 
 
-# --- the database is away, or somebody else was quicker -------------------------------------------
+# --- the database is away, or another process was quicker -----------------------------------------
 
 
 def away(*_):

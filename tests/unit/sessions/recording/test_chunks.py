@@ -4,14 +4,20 @@ import hypothesis.strategies as st
 import msgspec
 from hypothesis import given
 
-from sessions.recording.chunks import LONGEST, Chunks
+from sessions.recording.chunks import MAX_WAIT, Chunks
+from sessions.recording.items import StateItem
+from tests.support import words
 from tests.support.examples import examples
+
+
+def state(seq, stamp=0.0, received_at=0.0):
+    return StateItem("giraff", words.state(seq, boot="b", stamp=stamp), b"", received_at, None)
 
 
 def fill(seqs, *, period=0.25, session="s"):
     chunks, closed = Chunks(), []
     for seq in seqs:
-        chunk = chunks.add(session, "b", seq, seq * period, msgspec.Raw(b"%d" % seq), 0.0, None)
+        chunk = chunks.add(session, state(seq, seq * period), msgspec.Raw(b"%d" % seq))
         closed += [chunk] if chunk is not None else []
     return closed + list(chunks.close())
 
@@ -41,15 +47,15 @@ def test_chunks_have_every_state_once_without_holes(seqs, period):
 
 def test_a_chunk_does_not_wait_for_ever_to_be_full():
     chunks = Chunks()
-    chunks.add("s", "b", 1, 0.0, msgspec.Raw(b"1"), 100.0, None)
-    assert list(chunks.ripe(100.0 + LONGEST / 2)) == []
-    assert [chunk.first_seq for chunk in chunks.ripe(100.0 + LONGEST)] == [1]
-    assert len(chunks) == 0
+    chunks.add("s", state(1, received_at=100.0), msgspec.Raw(b"1"))
+    assert list(chunks.ripe(100.0 + MAX_WAIT / 2)) == []
+    assert [chunk.first_seq for chunk in chunks.ripe(100.0 + MAX_WAIT)] == [1]
+    assert list(chunks.close()) == []
 
 
 def test_sessions_do_not_mix():
     chunks = Chunks()
     for session in ("s", "t"):
-        chunks.add(session, "b", 1, 0.0, msgspec.Raw(b"1"), 0.0, None)
+        chunks.add(session, state(1), msgspec.Raw(b"1"))
     assert [chunk.session for chunk in chunks.close("s")] == ["s"]
     assert [chunk.session for chunk in chunks.close()] == ["t"]

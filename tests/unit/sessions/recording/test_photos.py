@@ -3,7 +3,7 @@
 import hashlib
 
 from robots.api.messages import Event
-from sessions.recording.photos import MOST, PATIENCE, Photos
+from sessions.recording.photos import MAX_WAITING, PAIR_TIMEOUT_S, Photos
 
 
 def event(action: str, jpeg: bytes) -> Event:
@@ -37,9 +37,9 @@ def test_robots_do_not_get_each_others_photos():
     assert photos.jpeg("other", "a", b"1", 0.0) is None
 
 
-def test_what_waits_too_long_or_is_too_much_is_forgotten():
+def test_halves_that_wait_too_long_or_are_too_many_are_dropped():
     photos = Photos()
-    for number in range(MOST + 3):
+    for number in range(MAX_WAITING + 3):
         photos.jpeg("r", f"a{number}", b"1", float(number) / 100)
     assert photos.forgotten(1.0) == [("r", "a0"), ("r", "a1"), ("r", "a2")]
-    assert len(photos.forgotten(PATIENCE + 10.0)) == MOST
+    assert len(photos.forgotten(PAIR_TIMEOUT_S + 10.0)) == MAX_WAITING

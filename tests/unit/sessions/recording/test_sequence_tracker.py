@@ -9,8 +9,8 @@ from hypothesis import given
 from sessions.recording.sequence_tracker import (
     ASKING_SECONDS,
     ATTEMPTS,
+    FIRST_REQUEST_S,
     HEAD,
-    PATIENCE,
     REPEAT,
     Intervals,
     SequenceTracker,
@@ -66,11 +66,11 @@ def test_a_state_that_comes_twice_is_new_once(tracker):
 
 def test_a_hole_is_asked_for_after_a_moment_and_again_until_it_is_filled(tracker):
     tracker.arrive(14, "s", 0.0)
-    assert due(tracker, PATIENCE / 2) == ([], [])
-    assert due(tracker, PATIENCE) == ([(11, 13)], [])
-    assert due(tracker, PATIENCE + REPEAT / 2) == ([], [])
+    assert due(tracker, FIRST_REQUEST_S / 2) == ([], [])
+    assert due(tracker, FIRST_REQUEST_S) == ([(11, 13)], [])
+    assert due(tracker, FIRST_REQUEST_S + REPEAT / 2) == ([], [])
     tracker.arrive(12, "s", 2.0)
-    assert due(tracker, PATIENCE + REPEAT) == ([(11, 11), (13, 13)], [])
+    assert due(tracker, FIRST_REQUEST_S + REPEAT) == ([(11, 11), (13, 13)], [])
     tracker.arrive(11, "s", 7.0)
     tracker.arrive(13, "s", 7.0)
     assert due(tracker, 100.0) == ([], [])
@@ -78,7 +78,7 @@ def test_a_hole_is_asked_for_after_a_moment_and_again_until_it_is_filled(tracker
 
 
 def asked_in_vain(tracker, hole, *, first_at):
-    """Ask for a hole that nobody fills until it is given up; return what is lost."""
+    """Request a gap that is never filled until it is given up; return the losses."""
     now = first_at
     while now < ASKING_SECONDS:
         assert due(tracker, now) == ([hole], [])
@@ -90,14 +90,14 @@ def asked_in_vain(tracker, hole, *, first_at):
 
 def test_a_hole_that_is_never_filled_is_a_loss_of_the_sessions_that_it_touches(tracker):
     tracker.arrive(13, "t", 0.0)
-    losses = asked_in_vain(tracker, (11, 12), first_at=PATIENCE)
+    losses = asked_in_vain(tracker, (11, 12), first_at=FIRST_REQUEST_S)
     assert [(loss.ranges, loss.sessions, loss.count) for loss in losses] == [
         (((11, 12),), frozenset("st"), 2)
     ]
     assert not tracker.owes("s")
 
 
-def test_nobody_is_asked_while_the_robot_is_away_and_nothing_is_given_up(tracker):
+def test_requests_wait_while_the_robot_is_away_and_none_is_given_up(tracker):
     tracker.arrive(12, "s", 0.0)
     assert due(tracker, 1000.0, present=False) == ([], [])
     for attempt in range(ATTEMPTS):
@@ -106,7 +106,7 @@ def test_nobody_is_asked_while_the_robot_is_away_and_nothing_is_given_up(tracker
     assert [loss.count for loss in losses] == [1]
 
 
-def test_what_an_earlier_run_of_the_agent_had_is_lost_at_once(tracker):
+def test_states_of_an_earlier_run_of_the_agent_are_lost_at_once(tracker):
     tracker.arrive(12, "s", 0.0)
     _, losses = due(tracker, 0.1, alive=False)
     assert [loss.count for loss in losses] == [1]
@@ -167,9 +167,9 @@ def test_a_hole_that_was_stored_is_filled_by_the_second_answer_where_the_first_w
     assert due(tracker, 2.0 + 2 * REPEAT) == ([], [])
 
 
-def test_what_was_received_and_not_stored_is_asked_for_though_its_session_is_over():
-    """The next session manager hears only states of nobody: the session's last ones were in the
-    memory of the one before, the beginning is known by an event.
+def test_states_received_and_not_stored_are_requested_after_their_session():
+    """The next session manager receives only states without a session: the last ones of the
+    session were in the memory of the previous one; its first number is known from an event.
     """
     tracker = SequenceTracker()
     tracker.arrive(40, None, 0.0)
@@ -181,7 +181,7 @@ def test_what_was_received_and_not_stored_is_asked_for_though_its_session_is_ove
     assert not tracker.owes("s")
 
 
-def test_what_was_received_out_of_order_after_a_takeover_leaves_no_hole():
+def test_states_out_of_order_after_a_takeover_leave_no_gap():
     tracker = SequenceTracker()
     tracker.arrive(30, None, 0.0)
     tracker.restore("s", StoredStates(((11, 20),), begins=11), 0.0)
@@ -190,7 +190,7 @@ def test_what_was_received_out_of_order_after_a_takeover_leaves_no_hole():
     assert due(tracker, 2.0) == ([(21, 24)], [])
 
 
-def test_where_the_beginning_is_not_known_the_minute_before_is_asked_for():
+def test_without_a_known_first_state_the_minute_before_is_requested():
     tracker = SequenceTracker()
     tracker.restore("s", StoredStates(((1000, 1010),)), 0.0)
     assert due(tracker, 2.0) == ([(1000 - HEAD, 999)], [])

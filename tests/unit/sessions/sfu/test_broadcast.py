@@ -180,7 +180,7 @@ async def until(condition):
             await asyncio.sleep(0.001)
 
 
-async def test_what_a_page_says_of_its_connection_reaches_janus(broadcast, janus):
+async def test_signalling_of_a_page_reaches_janus(broadcast, janus):
     page = Viewer(broadcast, "page")
     await page.offered()
     page.say(ANSWER)
@@ -250,7 +250,7 @@ async def test_a_page_that_leaves_while_janus_makes_room_for_it_keeps_nothing_th
     assert page.told == []
 
 
-async def test_nothing_goes_on_after_the_end(broadcast, janus, bridge):
+async def test_no_task_continues_after_the_end(broadcast, janus, bridge):
     first, page = Viewer(broadcast, "first"), Viewer(broadcast, "page")
     await first.offered()
     janus.open_gate.clear()

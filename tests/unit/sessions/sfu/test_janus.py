@@ -78,7 +78,7 @@ async def test_a_refused_request_raises_what_janus_says(session, socket):
 
 
 @pytest.mark.parametrize("end", [None, b"{ no JSON"])
-async def test_whoever_waits_for_an_answer_hears_of_the_end_of_the_connection(session, socket, end):
+async def test_a_waiting_request_fails_when_the_connection_ends(session, socket, end):
     requests = [asyncio.ensure_future(session.request("message", n)) for n in (1, 2)]
     await asked(socket, 2)
     socket.say("event", to=0)
@@ -105,9 +105,9 @@ async def test_a_janus_that_does_not_answer_is_lost(session, monkeypatch):
         await session.begin()
 
 
-async def test_what_happens_to_a_handle_is_told_until_it_is_forgotten(session, socket):
-    told = []
-    attaching = asyncio.ensure_future(session.attach("nosip", lambda *event: told.append(event)))
+async def test_events_of_a_handle_are_reported_until_it_is_forgotten(session, socket):
+    events = []
+    attaching = asyncio.ensure_future(session.attach("nosip", lambda *event: events.append(event)))
     await asked(socket)
     socket.say("success", to=0, data={"id": 7})
     handle = await attaching
@@ -119,9 +119,9 @@ async def test_what_happens_to_a_handle_is_told_until_it_is_forgotten(session, s
     await asked(socket, 2)
     socket.say("event", to=1)
     await request
-    assert told == [(UP, ""), (DETACHED, "gone")]
+    assert events == [(UP, ""), (DETACHED, "gone")]
     session.forget(handle)
     socket.say(UP, sender=7)
     socket.incoming.put_nowait(None)
     await session.closed.wait()
-    assert len(told) == 2
+    assert len(events) == 2

@@ -8,25 +8,10 @@ from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import lime, lss, lss_of
+from tests.support.studies.survey_files import items, lime, lss, lss_of, outcomes, remarks
 
 PARTS = [("SQ1", "First"), ("SQ2", "Second")]
 ANSWERS = [("A1", "Rarely"), ("A2", "Sometimes"), ("A3", "Often")]
-
-
-def items(document: bytes) -> list[dict]:
-    pages = json.loads(to_json(read(document).definition("test", 1)))["pages"]
-    return [item for page in pages for item in page["items"]]
-
-
-def remarks(document: bytes, name: str) -> str:
-    draft = read(document)
-    (note,) = [one for one in draft.report.notes if one.name == name]
-    return " ".join(note.remarks)
-
-
-def outcomes(document: bytes) -> dict[str, ImportOutcome]:
-    return {note.name: note.outcome for note in read(document).report.notes}
 
 
 def one(letter: str, **more) -> list[dict]:
@@ -189,7 +174,7 @@ def test_texts_days_and_rankings():
 
 
 @pytest.mark.parametrize(
-    ("question", "told"),
+    ("question", "message"),
     [
         (lime("|", "Q1"), "file upload"),
         (lime("*", "Q1"), "equation"),
@@ -199,10 +184,10 @@ def test_texts_days_and_rankings():
         (lime("L", "Q1"), "no options"),
     ],
 )
-def test_what_has_no_counterpart_is_listed(question, told):
+def test_questions_without_counterpart_are_listed(question, message):
     document = lss(question, lime("S", "Q2"))
     assert outcomes(document) == {"Q1": ImportOutcome.LEFT_OUT, "Q2": ImportOutcome.IMPORTED}
-    assert told in remarks(document, "Q1")
+    assert message in remarks(document, "Q1")
 
 
 def test_a_soft_mandatory_question_is_reported():
@@ -339,7 +324,7 @@ OUTSIDE = (
 
 
 @pytest.mark.parametrize(
-    ("document", "told"),
+    ("document", "message"),
     [
         (BOMB.encode(), "document type"),
         (OUTSIDE.encode(), "document type"),
@@ -351,6 +336,6 @@ OUTSIDE = (
         (b"<document>&undefined;</document>", "not valid XML"),
     ],
 )
-def test_hostile_and_malformed_xml_is_refused_with_a_clear_message(document, told):
-    with pytest.raises(BadDefinitionError, match=told):
+def test_hostile_and_malformed_xml_is_refused_with_a_clear_message(document, message):
+    with pytest.raises(BadDefinitionError, match=message):
         read(document)

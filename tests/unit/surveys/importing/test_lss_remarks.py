@@ -1,12 +1,12 @@
-"""LimeSurvey structures: what is said of parts that are changed or left out, and odd files."""
+"""LimeSurvey structures: remarks on parts that are changed or left out, and odd files."""
 
 import pytest
 
 from surveys.documents import MAX_TEXT
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import lime, lss, lss_of
-from tests.unit.surveys.importing.test_lss import ANSWERS, PARTS, items, outcomes, remarks
+from tests.support.studies.survey_files import items, lime, lss, lss_of, outcomes, remarks
+from tests.unit.surveys.importing.test_lss import ANSWERS, PARTS
 
 FIRST = {"qid": 1, "parent_qid": 0, "gid": 1, "type": "S", "title": "Q1", "question_order": 2}
 
@@ -122,7 +122,7 @@ def test_a_group_with_a_condition_and_a_random_order_is_a_page_with_that_conditi
     assert "random order of groups" in remarks(document, "Group: Two")
 
 
-def test_rows_that_belong_to_nothing_are_left_out_and_an_order_that_is_no_number_is_the_first():
+def test_orphan_rows_are_left_out_and_an_order_without_a_number_is_first():
     tables = with_texts() | {
         "questions": [FIRST, {**FIRST, "qid": 2, "title": "Q2", "question_order": "first"}],
         "question_attributes": [{"qid": 99, "attribute": "hidden", "value": "1"}],
@@ -156,7 +156,7 @@ def test_other_of_a_multiple_choice_has_a_text():
     assert text["show_if"] == {"item": "q1", "is": ["other"]}
 
 
-def test_codes_that_are_alike_here_are_told_apart_and_reported():
+def test_codes_that_become_alike_are_changed_and_reported():
     document = lss(lime("L", "Q1", (), [("A 1", "One"), ("A_1", "Two")]))
     assert [one["value"] for one in items(document)[0]["options"]] == ["a_1", "a_1_2"]
     assert "A_1 → a_1_2" in remarks(document, "Q1")
@@ -181,7 +181,7 @@ def test_a_condition_on_a_question_that_was_left_out_is_reported():
 
 
 @pytest.mark.parametrize(
-    ("question", "told"),
+    ("question", "message"),
     [
         (lime("R", "Q1", (), ANSWERS, {"max_answers": "2"}), "rank all options"),
         (lime("R", "Q1", (), ANSWERS, {"max_subquestions": "2"}), "rank all options"),
@@ -199,10 +199,10 @@ def test_a_condition_on_a_question_that_was_left_out_is_reported():
         (lime("S", "Q1", attributes={"em_validation_q": "x > 1"}), "validation"),
     ],
 )
-def test_what_is_different_from_the_file_is_said(question, told):
+def test_differences_from_the_file_are_reported(question, message):
     document = lss(question)
     assert items(document)
-    assert told in remarks(document, "Q1")
+    assert message in remarks(document, "Q1")
 
 
 def test_a_text_that_takes_only_numbers_is_a_number():
@@ -218,7 +218,7 @@ def test_a_random_order_of_answers_is_kept(attributes):
     assert item["order"] == "shuffled"
 
 
-def test_a_text_display_with_a_condition_is_shown_to_everybody_and_that_is_said():
+def test_the_condition_of_a_text_display_is_reported():
     document = lss(
         lime("L", "Q0", (), ANSWERS), lime("X", "Q1", relevance='Q0 == "A1"'), lime("S", "Q2")
     )
@@ -247,6 +247,6 @@ def test_conditions_of_single_options_and_scores_are_reported():
         ],
         "surveys": [{"sid": 9, "language": "en", "assessments": "Y"}],
     }
-    said = remarks(lss_of(tables), "Q1")
-    assert "Conditions of single options" in said
-    assert "scores are not imported" in said
+    found = remarks(lss_of(tables), "Q1")
+    assert "Conditions of single options" in found
+    assert "scores are not imported" in found

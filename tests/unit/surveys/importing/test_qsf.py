@@ -1,4 +1,4 @@
-"""Qualtrics files as questionnaires: what each kind of question becomes, and what is said of it."""
+"""Qualtrics files as questionnaires: what each kind of question becomes, and its remarks."""
 
 import json
 
@@ -6,24 +6,22 @@ import pytest
 
 from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
+from surveys.importing.draft import Draft
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import displays, forced, payload, qsf
+from tests.support.studies.survey_files import (
+    displays,
+    forced,
+    items,
+    outcomes,
+    payload,
+    qsf,
+    remarks,
+)
 
 
-def items(document: bytes) -> list[dict]:
-    pages = json.loads(to_json(read(document).definition("test", 1)))["pages"]
-    return [item for page in pages for item in page["items"]]
-
-
-def remarks(document: bytes, name: str) -> str:
-    draft = read(document)
-    (note,) = [one for one in draft.report.notes if one.name == name]
-    return " ".join(note.remarks)
-
-
-def outcomes(document: bytes) -> dict[str, ImportOutcome]:
-    return {note.name: note.outcome for note in read(document).report.notes}
+def left_out(draft: Draft) -> int:
+    return [note.outcome for note in draft.report.notes].count(ImportOutcome.LEFT_OUT)
 
 
 FRUIT = displays("Apple", "Pear", "Plum")
@@ -184,7 +182,7 @@ def test_columns_beside_each_other_are_questions_of_their_own():
     ]
 
 
-def test_texts_numbers_and_days_are_told_by_their_validation():
+def test_validation_tells_texts_numbers_and_days_apart():
     number = {
         "ForceResponse": "OFF",
         "Type": "ContentType",
@@ -278,7 +276,7 @@ def test_blocks_and_page_breaks_are_pages_in_the_order_of_the_flow():
     assert [[item.key for item in page.items] for page in pages] == [["q3"], ["q1"], ["q2"]]
 
 
-def test_what_is_in_the_trash_is_listed():
+def test_questions_in_the_trash_are_listed():
     document = qsf(
         *texts("Q1", "Q2"),
         blocks=[block("BL_1", "Q1"), {**block("BL_2", "Q2"), "Type": "Trash"}],
@@ -297,7 +295,7 @@ def test_branches_and_random_blocks_are_listed_and_their_questions_are_asked():
         ],
     )
     assert [item["key"] for item in items(document)] == ["q1", "q2"]
-    assert read(document).report.count(ImportOutcome.LEFT_OUT) == 3
+    assert left_out(read(document)) == 3
 
 
 def test_a_text_without_a_question_introduces_a_page():
@@ -316,7 +314,7 @@ def test_a_text_without_a_question_introduces_a_page():
     )
 
 
-def test_markup_becomes_plain_text_and_what_is_lost_is_said():
+def test_markup_becomes_plain_text_and_losses_are_reported():
     document = qsf(
         payload(
             *("Q1", "TE", "SL"),
@@ -349,7 +347,7 @@ def test_translations_are_kept_and_one_that_is_missing_is_reported():
     assert "de, pt-br" in remarks(document, "Q2")
 
 
-def test_what_several_texts_of_a_question_lack_is_reported_once():
+def test_a_loss_in_several_texts_of_a_question_is_reported_once():
     translated = {"DE": {"QuestionText": "Warum?"}}
     document = qsf(
         payload("Q1", "MC", "SAVR", Choices=FRUIT), payload("Q2", "TE", "SL", Language=translated)
@@ -441,7 +439,7 @@ def test_a_question_that_is_left_out_does_not_take_a_name():
 def test_questions_beyond_the_limit_are_listed():
     draft = read(qsf(*texts(*(f"Q{n}" for n in range(305)))))
     assert len(draft.definition("test", 1).questions()) == 300
-    assert draft.report.count(ImportOutcome.LEFT_OUT) == 5
+    assert left_out(draft) == 5
 
 
 def test_a_file_of_which_nothing_can_be_imported_is_refused_with_a_reason():
@@ -450,7 +448,7 @@ def test_a_file_of_which_nothing_can_be_imported_is_refused_with_a_reason():
 
 
 @pytest.mark.parametrize(
-    ("document", "told"),
+    ("document", "message"),
     [
         (b'{"SurveyElements": [', "not valid JSON"),
         (b'{"SurveyElements": 3}', "no list"),
@@ -458,6 +456,6 @@ def test_a_file_of_which_nothing_can_be_imported_is_refused_with_a_reason():
         (b'{"SurveyElements": ' + b"[" * 100_000, "not valid JSON"),
     ],
 )
-def test_a_malformed_file_is_refused_with_a_clear_message(document, told):
-    with pytest.raises(BadDefinitionError, match=told):
+def test_a_malformed_file_is_refused_with_a_clear_message(document, message):
+    with pytest.raises(BadDefinitionError, match=message):
         read(document)

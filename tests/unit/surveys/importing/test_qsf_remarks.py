@@ -1,20 +1,12 @@
-"""Qualtrics files: what is said of parts that are changed or left out, and odd files."""
+"""Qualtrics files: remarks on parts that are changed or left out, and odd files."""
 
 import pytest
 
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from tests.support.studies.survey_files import displays, payload, qsf
-from tests.unit.surveys.importing.test_qsf import (
-    FRUIT,
-    block,
-    items,
-    matrix,
-    outcomes,
-    remarks,
-    texts,
-)
+from tests.support.studies.survey_files import displays, items, outcomes, payload, qsf, remarks
+from tests.unit.surveys.importing.test_qsf import FRUIT, block, matrix, texts
 
 
 def settings(**more) -> dict:
@@ -50,7 +42,7 @@ def test_a_flow_that_is_nested_without_end_is_read_as_far_as_it_is_sensible():
     assert outcomes(document) == {"Q1": ImportOutcome.IMPORTED, "Q2": ImportOutcome.LEFT_OUT}
 
 
-def test_a_block_that_loops_is_asked_once_and_that_is_said():
+def test_a_looping_block_is_asked_once_and_reported():
     looping = {**block("BL_1", "Q1"), "Description": "Robots", "Options": {"Looping": "Static"}}
     document = qsf(*texts("Q1"), blocks=[looping])
     assert [item["key"] for item in items(document)] == ["q1"]
@@ -73,11 +65,11 @@ def test_footers_end_messages_and_scoring_of_the_survey_are_reported():
     ]
 
 
-# --- what is said of a question -------------------------------------------------------------------
+# --- remarks on a question ------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("more", "told"),
+    ("more", "message"),
     [
         ({"QuestionJS": "alert(1)"}, "JavaScript"),
         ({"GradingData": [{"ChoiceID": "1"}]}, "scores"),
@@ -93,11 +85,11 @@ def test_footers_end_messages_and_scoring_of_the_survey_are_reported():
         ({"QuestionText": ""}, "its name is shown"),
     ],
 )
-def test_what_is_different_from_the_file_is_said(more, told):
+def test_differences_from_the_file_are_reported(more, message):
     document = qsf(payload("Q1", "MC", "SAVR", Choices=FRUIT) | more)
     (item,) = items(document)
     assert not item.get("required")
-    assert told in remarks(document, "Q1")
+    assert message in remarks(document, "Q1")
 
 
 def test_options_that_share_a_recode_value_keep_their_ids():
@@ -127,7 +119,7 @@ def test_a_bound_that_is_no_number_is_none():
 
 
 @pytest.mark.parametrize("number", ["1" * 5000, "9" * 10])
-def test_a_net_promoter_score_with_a_point_of_thousands_of_digits_is_asked_without_it(number):
+def test_a_net_promoter_score_leaves_out_a_point_of_thousands_of_digits(number):
     choices = {number: {"Display": "x"}} | {str(n): {"Display": str(n)} for n in range(11)}
     definition = read(qsf(payload("Q1", "MC", "NPS", Choices=choices))).definition("test", 1)
     assert [point.value for point in definition.scales["scale_1"]] == list(range(11))
@@ -152,10 +144,10 @@ def test_one_slider_with_stars_and_grid_lines_is_one_question_with_steps():
     )
     (item,) = items(document)
     assert (item["step"], item["low"], item["high"]) == (2, {"en": "0"}, {"en": "10"})
-    said = remarks(document, "Q1")
-    assert "stars" in said
-    assert "whole numbers" in said
-    assert "Each slider" not in said
+    found = remarks(document, "Q1")
+    assert "stars" in found
+    assert "whole numbers" in found
+    assert "Each slider" not in found
 
 
 def test_grid_lines_that_do_not_divide_a_slider_make_no_steps():
@@ -216,7 +208,7 @@ def test_a_file_with_more_text_than_a_questionnaire_holds_is_refused():
         read(document).definition("test", 1)
 
 
-def test_a_text_longer_than_a_question_may_be_is_shortened_and_that_is_said():
+def test_a_text_that_is_too_long_is_shortened_and_reported():
     document = qsf(payload("Q1", "TE", "SL", text="x" * 5000))
     assert len(items(document)[0]["text"]["en"]) == 4000
     assert "shortened" in remarks(document, "Q1")

@@ -1,4 +1,4 @@
-"""Files of any kind: which format they are, what is refused; no file breaks the reading."""
+"""Files of any kind: their format, refusals, and odd values."""
 
 import copy
 import json
@@ -50,7 +50,7 @@ def test_each_format_knows_its_own_files_alone():
 
 
 @pytest.mark.parametrize(
-    ("document", "told"),
+    ("document", "message"),
     [
         (b"PK\x03\x04...", "ZIP archive"),
         (b"", "none of these"),
@@ -59,8 +59,8 @@ def test_each_format_knows_its_own_files_alone():
         (b"x" * (MAX_FILE + 1), "larger than 5 MB"),
     ],
 )
-def test_other_files_are_refused_with_a_clear_message(document, told):
-    with pytest.raises(BadDefinitionError, match=told):
+def test_other_files_are_refused_with_a_clear_message(document, message):
+    with pytest.raises(BadDefinitionError, match=message):
         read(document)
 
 

@@ -8,25 +8,9 @@ from surveys.definition import to_json
 from surveys.documents import BadDefinitionError
 from surveys.importing.reading import read
 from surveys.importing.report import ImportOutcome
-from surveys.importing.survey_format import Wishes
-from tests.support.studies.survey_files import field, redcap
+from tests.support.studies.survey_files import field, items, outcomes, redcap, remarks
 
 YES_NO_MAYBE = "1, Yes | 2, No | 3, Perhaps, or not"
-
-
-def items(document: bytes, wishes: Wishes | None = None) -> list[dict]:
-    pages = json.loads(to_json(read(document, wishes).definition("test", 1)))["pages"]
-    return [item for page in pages for item in page["items"]]
-
-
-def remarks(document: bytes, name: str) -> str:
-    draft = read(document)
-    (note,) = [one for one in draft.report.notes if one.name == name]
-    return " ".join(note.remarks)
-
-
-def outcomes(document: bytes) -> dict[str, ImportOutcome]:
-    return {note.name: note.outcome for note in read(document).report.notes}
 
 
 def test_every_field_type_that_has_a_counterpart():
@@ -72,7 +56,7 @@ def test_the_field_that_names_the_record_is_listed_and_not_asked():
 
 
 @pytest.mark.parametrize(
-    ("row", "told"),
+    ("row", "message"),
     [
         (field("a", "calc", choices="[x] + 1"), "Calculated"),
         (field("a", "file"), "Files"),
@@ -83,10 +67,10 @@ def test_the_field_that_names_the_record_is_listed_and_not_asked():
         (field("a", "other"), "type other"),
     ],
 )
-def test_what_has_no_counterpart_is_listed_with_a_reason(row, told):
+def test_fields_without_counterpart_are_listed_with_a_reason(row, message):
     document = redcap(row, field("b", "text"))
     assert outcomes(document)["a"] is ImportOutcome.LEFT_OUT
-    assert told in remarks(document, "a")
+    assert message in remarks(document, "a")
 
 
 def test_required_notes_and_order():
@@ -116,9 +100,10 @@ def test_tags_words_and_marks_that_are_not_imported_are_reported():
             annotation="@READONLY @DEFAULT='x' item is reverse scored",
         )
     )
-    told = remarks(document, "a")
+    found = remarks(document, "a")
     assert all(
-        words in told for words in ("email", "@DEFAULT, @READONLY", "reverse-scored", "identifying")
+        words in found
+        for words in ("email", "@DEFAULT, @READONLY", "reverse-scored", "identifying")
     )
 
 
@@ -204,14 +189,13 @@ def test_sections_begin_pages_and_forms_have_titles():
 
 def test_one_form_of_several_can_be_chosen_and_the_others_are_listed():
     document = redcap(field("a", "text"), field("b", "text", form="second_form"))
-    wishes = Wishes(form="second_form", language="es")
-    draft = read(document, wishes)
+    draft = read(document, language="es", form="second_form")
     definition = draft.definition("test", 1)
     assert [question.key for question in definition.questions()] == ["b"]
     assert definition.title == {"es": "Second form"}
     assert [note.name for note in draft.report.notes] == ["b", "form_one"]
     with pytest.raises(BadDefinitionError, match="form_one, second_form"):
-        read(document, Wishes(form="third"))
+        read(document, form="third")
 
 
 def test_descriptive_text_keeps_its_lines():
@@ -232,7 +216,7 @@ def test_lines_without_a_name_are_passed_over():
     assert list(outcomes(document)) == ["record_id", "a", "b"]
 
 
-def test_sections_that_together_are_longer_than_a_text_may_be_are_refused_with_their_page():
+def test_sections_too_long_together_are_refused_with_their_page():
     document = redcap(
         field("a", "file", header="x" * 3000),
         field("b", "text", header="y" * 3000),
@@ -262,22 +246,22 @@ def test_a_cell_without_an_end_is_refused():
         read(document)
 
 
-# --- what is said, and odd files ------------------------------------------------------------------
+# --- remarks, and odd files -----------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    ("row", "told"),
+    ("row", "message"),
     [
         (field("a", "text", rule="number", least="[b] + 1"), "min [b] + 1"),
         (field("a", "text", rule="number", most="9" * 400), "max 9999"),
         (field("a", "text", rule="date_ymd", most="[b]"), "max [b]"),
     ],
 )
-def test_a_bound_that_cannot_be_checked_is_reported_and_the_field_is_asked_without_it(row, told):
+def test_a_bound_that_cannot_be_checked_is_reported_and_left_out(row, message):
     document = redcap(row)
     (item,) = items(document)
     assert not item.keys() & {"minimum", "maximum", "earliest", "latest"}
-    assert told in remarks(document, "a")
+    assert message in remarks(document, "a")
 
 
 def test_a_matrix_of_several_fields_that_is_refused_is_left_out_as_a_whole():
@@ -298,9 +282,9 @@ def test_a_matrix_with_some_required_rows_or_a_ranking_says_what_is_different():
     )
     (grid,) = items(document)
     assert "required" not in grid
-    said = remarks(document, "a")
-    assert "all rows are optional" in said
-    assert "a column in several rows" in said
+    found = remarks(document, "a")
+    assert "all rows are optional" in found
+    assert "a column in several rows" in found
 
 
 def test_a_picture_that_a_section_loses_is_reported():
@@ -309,7 +293,7 @@ def test_a_picture_that_a_section_loses_is_reported():
     assert "img" in remarks(document, "Section: a")
 
 
-def test_a_descriptive_text_with_a_condition_is_shown_to_everybody_and_that_is_said():
+def test_the_condition_of_a_descriptive_text_is_reported():
     document = redcap(
         field("a", "radio", choices=YES_NO_MAYBE),
         field("b", "descriptive", branching="[a] = '1'"),

@@ -46,7 +46,7 @@ class _Sent:
 
 
 class MoveBase:
-    """See navigators.ActionServer."""
+    """One action server. `kind` is the guard's name of it."""
 
     kind = "move_base"
 
@@ -59,13 +59,13 @@ class MoveBase:
         self._strangers: dict[str, float] = {}  # goals of earlier runs: when cancelled last
         self._status_at = -math.inf
         self._came = asyncio.Event()
-        self.publications = (
+        self.publications: tuple[tuple[str, str], ...] = (
             (f"{action}/goal", "move_base_msgs/MoveBaseActionGoal"),
             (f"{action}/cancel", "actionlib_msgs/GoalID"),
         )
         self.subscriptions: tuple[Subscription, ...] = (
-            (f"{action}/status", "actionlib_msgs/GoalStatusArray", self._status, {}),
-            (f"{action}/result", "move_base_msgs/MoveBaseActionResult", self._result, {}),
+            Subscription(f"{action}/status", "actionlib_msgs/GoalStatusArray", self._status),
+            Subscription(f"{action}/result", "move_base_msgs/MoveBaseActionResult", self._result),
         )
 
     async def cancel_leftovers(self) -> None:

@@ -4,18 +4,17 @@ opened, what an earlier run of the agent has left there.
 
 from typing import Any
 
-from robots.agent.adapters.ros.bus import Bus, Goals, Subscription
+from robots.agent.adapters.ros.bus import ActionBus, Subscription
 
 
 class Nav2:
-    """See navigators.ActionServer."""
+    """The bus reports the progress of goals."""
 
     kind = "nav2"
     publications: tuple[tuple[str, str], ...] = ()
     subscriptions: tuple[Subscription, ...] = ()
 
-    def __init__(self, action: str, bus: Bus, goals: Goals) -> None:
-        del goals  # the bus reports to them
+    def __init__(self, action: str, bus: ActionBus) -> None:
         self._action, self._bus = action, bus
 
     async def cancel_leftovers(self) -> None:
@@ -31,7 +30,7 @@ class Nav2:
         self._bus.send_goal(self._action, "nav2_msgs/NavigateToPose", content, goal)
 
     async def cancel(self, goal: str) -> bool:
-        """Cancel a goal."""
+        """Cancel a goal; return True when it certainly does not run and never will."""
         return await self._bus.cancel_goal(self._action, goal)
 
     def server_gone(self) -> None:

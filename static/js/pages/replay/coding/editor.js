@@ -26,6 +26,7 @@ export const make = (tag, name, text = "") => {
  * @param {() => string} page.newId
  * @param {(edits: Edit[]) => void} page.change
  * @param {(t: number) => void} page.seek
+ * @param {(text: string) => void} page.say
  * @returns {HTMLElement}
  */
 export const createEditor = (event, code, words, page) => {
@@ -134,7 +135,7 @@ const modifierRow = (event, modifier, words, page) => {
 const commentRow = (event, words, page) => {
   const label = make("label", "coding__field", words.say("coding.comment"));
   const input = make("input", "");
-  Object.assign(input, { type: "text", maxLength: 500, value: event.comment });
+  Object.assign(input, { type: "text", maxLength: 500, defaultValue: event.comment });
   input.addEventListener("change", () =>
     page.change([edited(event, { comment: input.value.trim() }, page.newId)]),
   );

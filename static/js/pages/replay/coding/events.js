@@ -25,7 +25,10 @@ export const rounded = (t) => Math.round(t * 1000) / 1000;
  * @param {CodedEvent[]} saved @param {Edit[]} edits @returns {CodedEvent[]} in order of time
  */
 export const withEdits = (saved, edits) => {
-  const events = new Map(saved.map((event) => [event.event, event]));
+  const events = new Map();
+  for (const { event, version, code, begin, end, modifiers, comment } of saved) {
+    events.set(event, { event, version, code, begin, end, modifiers, comment });
+  }
   for (const { event, base, code, begin, end, modifiers, comment, is_deleted } of edits) {
     if (is_deleted) {
       events.delete(event);
@@ -116,6 +119,7 @@ const created = (code, begin, newId) => ({
  */
 export const moved = (event, side, at, duration, newId) => {
   const t = rounded(Math.min(Math.max(at, 0), duration));
-  const { begin, end } = { ...event, [side]: t };
+  const begin = side === "begin" ? t : event.begin;
+  const end = side === "end" ? t : event.end;
   return end === null || end > begin ? edited(event, { begin, end }, newId) : null;
 };

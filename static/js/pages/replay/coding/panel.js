@@ -38,7 +38,12 @@ export class CodingPanel {
    * @param {{now: () => number, seek: (t: number) => void, duration: number}} player
    */
   constructor(element, config, words, player) {
-    Object.assign(this, { element, config, words, player });
+    this.element = element;
+    this.config = config;
+    this.words = words;
+    this.player = player;
+    this.drawn = "";
+    this.isDrawing = false;
     /** @type {Code[]} */
     this.codes = config.codes;
     /** @type {CodedEvent[]} what the server has */
@@ -70,7 +75,7 @@ export class CodingPanel {
 
   /** @param {import("./events.js").Edit[]} edits */
   change(edits) {
-    if (edits.length && !this.isDone) {
+    if (edits.length && !this.isDone && !this.isDrawing) {
       this.#say("");
       this.queue.add(edits);
       this.render();
@@ -118,7 +123,7 @@ export class CodingPanel {
   }
 
   /**
-   * What is being typed stays: the list is made anew only when the events changed.
+   * A comment that is being typed is kept.
    * @param {CodedEvent[]} events
    */
   #renderList(events) {
@@ -128,12 +133,15 @@ export class CodingPanel {
     }
     this.drawn = text;
     const list = this.element("coding-events");
-    const focus = list.contains(document.activeElement)
-      ? document.activeElement?.getAttribute("aria-label")
-      : null;
+    const field = /** @type {HTMLInputElement | null} */ (list.querySelector(":focus"));
+    const focus = field?.getAttribute("aria-label");
+    this.isDrawing = true; // the removal of a changed field is a change in Chromium
     list.replaceChildren(...events.map((event) => this.#row(event)));
+    this.isDrawing = false;
     if (focus) {
       list.querySelector(`[aria-label="${CSS.escape(focus)}"]`)?.focus();
+    } else if (field?.type === "text" && field.value !== field.defaultValue) {
+      keepTyping(list.querySelector("input[type=text]"), field);
     }
     write(this.element("coding-count"), String(events.length));
   }
@@ -331,6 +339,18 @@ const scrollInside = (list, row) => {
     own.top < box.top
       ? own.top - box.top
       : Math.max(0, Math.min(own.bottom - box.bottom, own.top - box.top));
+};
+
+/**
+ * Continue in the field of a new list what was being typed in that of the old one.
+ * @param {HTMLInputElement | null} field @param {HTMLInputElement} former
+ */
+const keepTyping = (field, former) => {
+  if (field && field.defaultValue !== former.value.trim()) {
+    field.value = former.value;
+    field.focus();
+    field.setSelectionRange(former.selectionStart, former.selectionEnd);
+  }
 };
 
 /** Storage may be forbidden. @returns {Storage | null} */

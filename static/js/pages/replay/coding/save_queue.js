@@ -33,7 +33,13 @@ export class SaveQueue {
     later = (seconds, then) => setTimeout(then, seconds * 1000),
     now = Date.now,
   }) {
-    Object.assign(this, { storage, key, send, onState, onAnswer, later, now });
+    this.storage = storage;
+    this.key = key;
+    this.send = send;
+    this.onState = onState;
+    this.onAnswer = onAnswer;
+    this.later = later;
+    this.now = now;
     this.count = 0;
     this.wait = SHORTEST_S;
     this.isSending = false;

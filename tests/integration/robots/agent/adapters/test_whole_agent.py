@@ -26,7 +26,7 @@ RIGS = {
 
 @contextmanager
 def agent(rca, directory):
-    """An agent whose robot stands behind a real protocol."""
+    """An agent whose robot is reached by a real protocol."""
     rig = ThreadedControlRig(directory, robot=rca.adapter())
     rig.control.start(rig.media)
     try:
@@ -70,7 +70,8 @@ def test_a_drive_whose_architecture_is_killed_ends_standing_is_said_and_goes_on_
         rca.revive()
         rig.link.wait("event", lambda event: event.type == "adapter_back", within=20.0)
         rig.lease(renewal=1)
-        rig.drive(0.0, until=lambda: not rig.kernel.held)
+        has_lease = lambda: rig.kernel.leases.live(rig.now()) is not None
+        rig.drive(0.0, until=lambda: has_lease() and not rig.kernel.held)
         rig.drive(0.25, until=lambda: motion() > 0.2)
         rig.act(m.Stop(action_id="stop-1", stamp=time.time()))
         rig.wait(lambda: motion() == 0.0)

@@ -173,7 +173,7 @@ def test_every_array_of_the_page_has_the_shape_and_type_that_the_agent_takes():
             video_frame(Frame(image, 1.0))
 
 
-def test_what_the_page_promises_of_a_laser_is_so(tmp_path):
+def test_docs_on_a_laser_hold(tmp_path):
     rosie = tmp_path / "rosie.py"
     rosie.write_text(
         block("python").replace("options.watchdog)", 'options.watchdog, own=("scan",))'),
@@ -186,7 +186,7 @@ def test_what_the_page_promises_of_a_laser_is_so(tmp_path):
     assert monitor_of(adapter.profile) is not None, "assistance"
 
 
-def test_what_the_page_promises_of_sonars_and_a_bumper_is_so(tmp_path):
+def test_docs_on_sonars_and_a_bumper_hold(tmp_path):
     rosie = tmp_path / "rosie.py"
     source = block("python")
     named = source.replace("options.watchdog)", 'options.watchdog, sensors=("sonars", "bumper"))')

@@ -7,7 +7,6 @@ import msgspec
 import pytest
 
 from robots.agent.autonomy.area import AreaError, area_of, update_of
-from robots.agent.autonomy.headless import Headless
 from robots.agent.autonomy.navigation_node import ActionError
 from robots.agent.autonomy.sensor_snapshot import Body
 from robots.agent.simulator.faults import Faults
@@ -16,6 +15,7 @@ from robots.api.geometry import Pose2D
 from robots.world.render_plan import rasterise
 from robots.world.robot_models import model_of
 from robots.world.sites import load_site
+from tests.support.agents.headless import Headless
 from tests.support.agents.headless_robot import HeadlessRobot, office
 
 
@@ -104,7 +104,7 @@ def test_it_is_told_where_it_is_with_and_without_a_heading():
     assert robot.error() < 0.1
 
 
-def test_what_cannot_be_done_is_refused_with_a_sentence():
+def test_impossible_action_is_refused_with_a_sentence():
     robot = HeadlessRobot()
     for action, words in (
         (goto("the moon"), "'the moon'"),

@@ -1,4 +1,4 @@
-"""The agent's connection to a real Mosquitto: made again for ever, and nothing is missing then."""
+"""The agent's connection to a real Mosquitto: restored without losing records."""
 
 import asyncio
 import contextlib
@@ -149,7 +149,7 @@ def test_an_agent_says_who_it_is_and_hears_its_own_topics_on_every_transport(tmp
         assert ear.wait("connection", lambda c: c.state == "OFFLINE")
 
 
-def test_where_one_way_to_the_broker_leads_nowhere_another_is_taken(broker, ear):
+def test_other_transport_replaces_a_dead_one_to_the_broker(broker, ear):
     with LinkThread(f"mqtt://127.0.0.1:{free_port()}", others=[broker.url]) as agent:
         assert ear.wait("connection").state == "ONLINE"
         agent.wait(lambda: agent.inbox.changes[-1:] == [True])
@@ -267,7 +267,7 @@ def test_after_a_broker_restart_everything_retained_is_said_again_and_no_state_i
 
 
 @pytest.mark.nightly
-def test_what_the_broker_had_not_acknowledged_is_sent_again(broker, ear):
+def test_unacknowledged_messages_are_sent_again(broker, ear):
     with LinkThread(broker.url) as agent:
         ear.wait("connection")
         broker.freeze(on=True)

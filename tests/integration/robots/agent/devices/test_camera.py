@@ -122,7 +122,7 @@ def test_a_camera_of_the_network_that_is_unplugged_says_so_and_goes_on_when_it_i
         server.close()
 
 
-def test_what_nobody_fetched_is_replaced_by_the_newest():
+def test_newest_frame_replaces_unread_ones():
     server = PictureServer()
     source = camera(server.words)
     source.start()

@@ -17,7 +17,7 @@ from tests.support.programs.sound_server import environment_of
 
 POISONED = ("/tmp/vendor/etc/gnutls/config", "/tmp/vendor/share/alsa/alsa.conf")
 LOADS_AV = re.compile(r"^\s*(import|from) (av|aiortc)\b", re.MULTILINE)
-# What is tested may itself lie under /tmp: it is kept at hand while the new /tmp is laid over it.
+# The project may itself lie under /tmp: keep it open while the new /tmp is mounted over it.
 SCRIPT = r"""
 mount --bind "$KEPT" /mnt
 mount -t tmpfs -o strictatime none /tmp
@@ -121,7 +121,7 @@ def test_no_process_of_the_product_reads_them(tmp_path, command):
     assert read_by(tmp_path, *command) == []
 
 
-def test_nothing_but_the_package_robots_loads_av():
+def test_only_the_package_robots_loads_av():
     """`robots/__init__.py` comes before it there."""
     others = {".venv", "tests", "benchmarks", "var", "node_modules"}
     sources = [

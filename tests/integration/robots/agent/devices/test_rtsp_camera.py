@@ -29,13 +29,13 @@ def feed_of(said: str):
     """
     pictures, states = [], []
     feed = CameraFeed(DeviceCamera(words.read(said, "camera")), RtpClock(0), pictures.append)
-    tell = feed._capture._set_state
+    tell = feed._set_state
 
     def told(status, reason=""):
         states.append(CaptureState(status, reason))
         tell(status, reason)
 
-    feed._capture._set_state = told
+    feed._set_state = told
     feed.start()
     feed.watch(1)
     try:
@@ -120,7 +120,7 @@ def test_a_wrong_password_is_said_and_no_password_is_told(protected, way, caplog
     assert SECRET not in caplog.text
 
 
-def test_what_is_not_there_is_said(server):
+def test_missing_camera_is_reported(server):
     there = f"the camera rtsp://127.0.0.1:{server.port} cannot be read: "
     assert (
         reason_for(server.url.replace("/stream", "/stream2"))

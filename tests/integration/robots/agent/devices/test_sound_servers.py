@@ -52,7 +52,7 @@ def equipment(tmp_path, **devices: str):
 
 
 def microphone_hears(source, tone: float) -> bool:
-    """Tell whether half a second of what comes within ten is this tone."""
+    """Tell whether half a second of the next ten has this tone."""
     deadline, blocks = time.monotonic() + 10.0, []
     while time.monotonic() < deadline:
         block = source.read(0.5)
@@ -65,7 +65,7 @@ def microphone_hears(source, tone: float) -> bool:
 
 
 class Talker:
-    """Somebody who speaks to the people at the robot: Opus to an OutputFeed, 50 times a second."""
+    """A visitor's voice: Opus to an OutputFeed, 50 times a second."""
 
     def __init__(self, feed: OutputFeed) -> None:
         self._feed, self._over = feed, threading.Event()
@@ -243,7 +243,7 @@ def test_a_computer_without_alsa_utils_is_told_what_to_install(tmp_path, monkeyp
         device.stop()
 
 
-def test_nothing_is_left_running_when_the_devices_are_let_go_of(pulseaudio, tmp_path):
+def test_closed_devices_leave_no_process(pulseaudio, tmp_path):
     found = equipment(tmp_path, microphone="alsa:default", loudspeaker="alsa:default")
     before = children()
     found.audio.start()

@@ -99,7 +99,7 @@ async def test_a_lost_picture_loses_neither_connection_nor_data_channel_nor_the_
     assert media.network is None
 
 
-async def test_who_drives_no_more_sees_clearly_and_who_drives_now_does_not(media, watched) -> None:
+async def test_only_the_present_drivers_video_is_impaired(media, watched) -> None:
     driver, observer, _ = watched
     media.impair(NetworkLab(loss=1.0))
     await until(lambda: media.network is not None and media.network.lost > 5, what="lost packets")

@@ -301,7 +301,7 @@ async def test_a_driver_whose_lease_ended_speaks_as_observer_from_the_next_frame
 
 
 @pytest.mark.nightly
-async def test_who_watches_is_sent_away_when_the_server_speaks_for_them_no_more(
+async def test_observer_is_sent_away_when_the_server_vouches_no_more(
     media, exchange, new_page, monkeypatch
 ) -> None:
     """A connection lives without the page's socket, over which the server would end it."""
@@ -362,7 +362,7 @@ async def test_oversized_and_too_many_frames_are_dropped_and_counted(
 async def test_a_page_that_floods_is_sent_away_and_may_come_again_after_a_while(
     media, exchange, new_page
 ) -> None:
-    for refusals in (300, 0):  # on two connections, for to connect again does not begin anew
+    for refusals in (300, 0):  # on two connections: a new one does not reset the limits
         page = new_page("p1", decode=False)
         await page.connect()
         for _ in range(450):
@@ -411,7 +411,7 @@ async def test_a_heartbeat_tells_each_page_its_own_echo_alone(media, new_page) -
         )
 
 
-async def test_where_one_side_points_is_told_to_the_other_alone(media, new_page) -> None:
+async def test_pointer_reaches_the_other_side_alone(media, new_page) -> None:
     driver, watcher, screen = pages = [
         new_page(peer, decode=False) for peer in ("p1", "p2", "screen")
     ]
@@ -535,7 +535,7 @@ async def test_a_camera_that_breaks_in_a_way_nobody_foresaw_is_started_anew(
     await page.connect()
     await until(lambda: len(page.pictures) > 5)
     monkeypatch.setattr(camera, "read", lambda timeout: {}["unforeseen"])
-    await until(lambda: not media._camera._capture._thread.is_alive(), what="a dead thread")
+    await until(lambda: not media._camera._thread.is_alive(), what="a dead thread")
     monkeypatch.undo()
     held = len(page.pictures)
     await until(lambda: len(page.pictures) > held + 5, what="pictures again")

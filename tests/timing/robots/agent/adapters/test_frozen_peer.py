@@ -50,7 +50,9 @@ def test_no_old_order_moves_a_robot_whose_architecture_hung_and_the_last_is_to_s
         finally:
             rca.freeze(on=False)
         thawed = time.monotonic()
-        press(rig, orders, lambda: time.monotonic() > thawed + 2.0)  # its driver has not let go
+        press(
+            rig, orders, lambda: time.monotonic() > thawed + 2.0
+        )  # its driver still holds the key
         after = commands[frozen:]
         moving = [(each[0], orders.age(*each)) for each in after if each[1] or each[2]]
         assert caught_at_most_one([at for at, age in moving if age is None or age > OLD], after), (

@@ -46,13 +46,24 @@ def moving(robot, control, habit="obeys", action="goto", module="navigating_agen
     agent = robot.agent(OPTIONS[control], module=module)
     try:
         agent.wait_for(lambda event: event.get("control") == control)
-        agent.request(action)
-        robot.drives()
+        if action:
+            agent.request(action)
+            robot.drives()
         yield planner, agent
     finally:
         for process in (agent, planner):
             process.freeze(on=False)
             robot.stop(process)
+
+
+def reports(agent, since):
+    """Return what the agent reports to the page: the progress of actions, and errors."""
+    found = [
+        f"{each['progress']} {each['reason']}" if "progress" in each else "; ".join(each["errors"])
+        for each in agent.events(since)
+        if "progress" in each or "errors" in each
+    ]
+    return list(dict.fromkeys(found))
 
 
 def rest(robot, name, event, *, until_zero=ZERO_WITHIN, jerks=0.01):
@@ -98,6 +109,27 @@ def test_a_frozen_agent_leaves_the_robot_at_rest(robot, control, habit):
         rest(robot, f"{control}, planner {habit}: agent frozen 4 s", event, jerks=2 * JERKS)
 
 
+NIGHTLY_HANGS = [("guarded", ""), ("agent", "goto"), ("agent", "dock"), ("guarded", "drive")]
+
+
+@pytest.mark.parametrize(
+    ("control", "action"),
+    [
+        ("guarded", "goto"),
+        ("guarded", "dock"),
+        *(pytest.param(*each, marks=pytest.mark.nightly) for each in NIGHTLY_HANGS),
+    ],
+)
+def test_a_hung_control_thread_leaves_the_robot_at_rest(robot, control, action):
+    with moving(robot, control, action=action, module="governed_agent") as (_, agent):
+        agent.request("hang")
+        event = agent.wait_for(lambda each: "hung" in each)["at"]
+        time.sleep(AWAY)
+        name = f"{control}, {action or 'idle'}: control thread hung 4 s"
+        rest(robot, name, event, jerks=2 * JERKS if action in {"goto", "dock"} else 0.01)
+        sys.stdout.write(f"  reported: {reports(agent, event)}\n")
+
+
 @pytest.mark.nightly
 @pytest.mark.parametrize("habit", ["obeys", "misses", "ignores"])
 @pytest.mark.parametrize("control", ["guarded", "agent"])
@@ -110,9 +142,10 @@ def test_an_agent_that_is_started_again_moves_nothing(robot, control, habit):
         robot.stop(successor)
 
 
-def test_a_planner_that_hung_ends_a_goal_that_it_received_meanwhile(robot):
-    planner = robot.plan("obeys", "/cmd_vel")
-    agent = robot.agent(OPTIONS["guarded"])
+@pytest.mark.parametrize("control", ["guarded", pytest.param("agent", marks=pytest.mark.nightly)])
+def test_a_planner_that_hung_ends_a_goal_that_it_received_meanwhile(robot, control):
+    planner = robot.plan("obeys", TOPICS[control])
+    agent = robot.agent(OPTIONS[control])
     try:
         time.sleep(0.3)  # its status has come
         planner.freeze(on=True)
@@ -123,7 +156,7 @@ def test_a_planner_that_hung_ends_a_goal_that_it_received_meanwhile(robot):
         planner.freeze(on=False)
         ended = agent.wait_for(lambda each: each.get("progress") == "FAILED", event)
         assert ended["reason"] == "navigation does not answer"
-        rest(robot, "guarded: planner hung 6 s with a goal", event)
+        rest(robot, f"{control}: planner hung 6 s with a goal", event)
     finally:
         for process in (agent, planner):
             process.freeze(on=False)
@@ -140,16 +173,17 @@ def test_a_cancel_is_repeated_until_the_planner_ends(robot):
 
 
 @pytest.mark.nightly
-def test_a_goal_accepted_late_is_cancelled_when_its_agent_is_gone(robot):
-    planner = robot.plan("hesitates", "/cmd_vel")
-    agent = robot.agent(OPTIONS["guarded"])
+@pytest.mark.parametrize("control", ["guarded", "agent"])
+def test_a_goal_accepted_late_is_cancelled_when_its_agent_is_gone(robot, control):
+    planner = robot.plan("hesitates", TOPICS[control])
+    agent = robot.agent(OPTIONS[control])
     try:
         agent.request("goto")
         planner.wait_for(lambda each: "received" in each)
         event = time.monotonic()
         agent.kill()
         planner.wait_for(lambda each: "ended" in each, event, 15.0)
-        rest(robot, "guarded, planner accepts after 6 s: agent killed", event)
+        rest(robot, f"{control}, planner accepts after 6 s: agent killed", event)
     finally:
         for process in (agent, planner):
             robot.stop(process)
@@ -157,25 +191,46 @@ def test_a_goal_accepted_late_is_cancelled_when_its_agent_is_gone(robot):
 
 @pytest.mark.parametrize("habit", ["obeys", pytest.param("hesitates", marks=pytest.mark.nightly)])
 @pytest.mark.parametrize("end", ["killed", pytest.param("frozen", marks=pytest.mark.nightly)])
-def test_docking_ends_with_its_agent(robot, habit, end):
-    with moving(robot, "guarded", habit, "dock") as (planner, agent):
+@pytest.mark.parametrize("control", ["guarded", pytest.param("agent", marks=pytest.mark.nightly)])
+def test_docking_ends_with_its_agent(robot, control, habit, end):
+    with moving(robot, control, habit, "dock") as (planner, agent):
         event = time.monotonic()
         if end == "killed":
             agent.kill()
         else:
             agent.freeze(on=True)
         planner.wait_for(lambda each: "cancel_dock" in each, event)
-        rest(robot, f"guarded, docking service {habit}: agent {end}", event)
+        rest(robot, f"{control}, docking service {habit}: agent {end}", event)
 
 
 @pytest.mark.nightly
-def test_docking_whose_call_gives_no_answer_in_time_is_cancelled(robot):
-    with moving(robot, "guarded", "hesitates", "dock") as (planner, agent):
+@pytest.mark.parametrize("control", ["guarded", "agent"])
+def test_docking_whose_call_gives_no_answer_in_time_is_cancelled(robot, control):
+    with moving(robot, control, "hesitates", "dock") as (planner, agent):
         found = agent.wait_for(lambda each: "failed" in each, within=20.0)
         assert found["failed"] == "/dock does not answer"
         assert not found["refused"]
         planner.wait_for(lambda each: "cancel_dock" in each, found["at"])
-        rest(robot, "guarded: a call to dock timed out", found["at"])
+        rest(robot, f"{control}: a call to dock timed out", found["at"])
+
+
+@pytest.mark.nightly
+@pytest.mark.parametrize("end", ["lives", "killed"])
+def test_docking_that_begins_after_its_cancel_is_cancelled_again(robot, end):
+    planner = robot.plan("docks late", TOPICS["guarded"])
+    agent = robot.agent(OPTIONS["guarded"], module="governed_agent")
+    try:
+        agent.request("dock")
+        called = planner.wait_for(lambda each: "dock" in each)
+        if end == "killed":
+            agent.kill()
+        planner.wait_for(lambda each: "cancel_dock" in each, called["at"])
+        began = planner.wait_for(lambda each: "docks" in each, called["at"])["at"]
+        planner.wait_for(lambda each: "cancel_dock" in each, began, 5.0)
+        rest(robot, f"guarded, docking begins 12 s late: agent {end}", began, jerks=JERKS)
+    finally:
+        for process in (agent, planner):
+            robot.stop(process)
 
 
 @pytest.mark.parametrize(

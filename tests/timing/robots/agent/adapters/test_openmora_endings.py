@@ -1,5 +1,6 @@
-"""OpenMORA, over MOOS and over MQTT, in every way in which the agent, its link, the robot or a
-cancel can be lost: metres and seconds until the robot is at rest, and what the agent's state says.
+"""OpenMORA, over MOOS and over MQTT, in every way in which the agent, its control thread, its link,
+the robot or a cancel can be lost: metres and seconds until the robot is at rest, and what the
+agent's state says.
 
 The agent is whole and a process of its own (ordered_agent.py), the MOOSDB a double or, with
 MOOSDB_PROGRAM=/path/to/MOOSDB, a real one; the broker is Mosquitto. The robot drives with 0.25 m/s
@@ -157,19 +158,28 @@ def cells(quick, columns):
 
 @pytest.mark.parametrize(
     ("name", "row", "column"),
-    cells({("navigating", "killed"), ("docking", "stopped")}, ("killed", "stopped")),
+    cells(
+        {("navigating", "killed"), ("docking", "stopped"), ("navigating", "hung")},
+        ("killed", "stopped", "hung"),
+    ),
 )
 def test_robot_comes_to_rest_without_its_agent(name, row, column, tmp_path):
     with robot(name, row, tmp_path) as (rca, agent):
         motion = Motion(rca.world)
-        agent.signal(signal.SIGKILL if column == "killed" else signal.SIGSTOP)
         within = bound(name, row)
+        if column == "hung":
+            agent.request("hang")
+            agent.wait_for(lambda each: "hung" in each, since=motion.began)
+            agent.request("idle")
+        else:
+            agent.signal(signal.SIGKILL if column == "killed" else signal.SIGSTOP)
         if column == "stopped":
             time.sleep(AWAY)
             agent.request("idle")
             agent.signal(signal.SIGCONT)
         found = motion.until_rest(within)
-        assert_rest(f"{name}, {row}: agent {column}", found, within, said=agent.said())
+        part = "control thread" if column == "hung" else "agent"
+        assert_rest(f"{name}, {row}: {part} {column}", found, within, said=agent.said())
 
 
 @pytest.mark.nightly

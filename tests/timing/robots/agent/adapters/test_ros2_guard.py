@@ -8,6 +8,7 @@ import contextlib
 import signal
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -49,6 +50,32 @@ def test_a_lost_agent_leaves_no_goal_and_a_zero_velocity_within_the_bound(rig, n
         )
     assert after < ZERO_WITHIN
     assert {each[1:] for each in rig.world.commands[seen:]} == {(0.0, 0.0)}
+
+
+async def test_a_base_that_was_frozen_when_the_node_was_killed_ends_with_a_zero_velocity(rig):
+    rig.reset()
+    async with connected(rig.adapter()) as adapter:
+        node = adapter._bus._child
+        maps = Path(f"/proc/{node.pid}/maps").read_text()
+        assert "/dev/shm/fastrtps" not in maps, "the node uses shared memory"
+        await drive(adapter, AHEAD, lambda s: s.velocity.linear > 0.2)
+        seen = len(rig.world.commands)
+        while len(rig.world.commands) == seen:
+            adapter.apply(AHEAD)
+            await asyncio.sleep(TICK)
+        await asyncio.to_thread(rig.freeze, on=True)
+        try:
+            until = time.monotonic() + 1.0
+            while time.monotonic() < until:
+                adapter.apply(AHEAD)
+                await asyncio.sleep(TICK)
+            node.kill()
+            await asyncio.to_thread(node.wait)
+        finally:
+            await asyncio.to_thread(rig.freeze, on=False)
+        await asyncio.sleep(1.0)
+    sys.stdout.write(f"\n{rig.world.commands[seen:]}\n")
+    assert rig.world.commands[-1][1:] == (0.0, 0.0)
 
 
 async def test_the_base_receives_a_velocity_for_each_odometry(rig):

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from experiments.analysis.documents.latex import as_latex, latex
-from experiments.analysis.documents.parts import MOST_COLUMNS, parts_of
+from experiments.analysis.documents.typesetting import MOST_COLUMNS, parts_of
 from experiments.analysis.tables.table import Table, count, number, words
 
 GROUPS = [f"{key}: {part}" for key in ("slow", "fast", "none") for part in ("n", "mean", "SD")]

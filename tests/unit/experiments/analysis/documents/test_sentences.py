@@ -5,22 +5,23 @@ import pytest
 
 from experiments.analysis.documents.latex import runs_as_latex
 from experiments.analysis.documents.sentences import METHODS, probability, sentences_of
-from experiments.analysis.statistics import comparisons, rank_tests
+from experiments.analysis.statistics import comparisons, proportions, rank_tests, regression
 from experiments.analysis.statistics.comparisons import IntervalEstimate, correlation
 from experiments.analysis.statistics.comparisons import Test as Found
 from experiments.analysis.tables import comparisons as rows
-from experiments.analysis.tables.comparisons import TESTED, compared, head_of
+from experiments.analysis.tables import declared
+from experiments.analysis.tables.comparisons import TESTED, ComparedSide, compared, head_of
 from experiments.analysis.tables.table import Table, words
 
 EFFECT = IntervalEstimate(0.49, 0.06, 0.914)
 FOUND = Found("paired t", 24, 2.41, (23.0,), 0.0243, IntervalEstimate(), "d_z", EFFECT)
-GROUPS = [({"a": 1.0, "b": 3.0}, ()), ({"a": 0.5, "b": 1.5}, ())]
+GROUPS = [ComparedSide({"a": 1.0, "b": 3.0}), ComparedSide({"a": 0.5, "b": 1.5})]
 
 
 def said(test, corrected=0.0486, groups=GROUPS):
     body = (compared("path", groups, test, corrected),)
     table = Table("conditions", "T.", ("Metric", *head_of(("slow", "fast"))), body)
-    (sentence,) = sentences_of(table)
+    (sentence,) = sentences_of(table, 0.05)
     return sentence
 
 
@@ -34,6 +35,26 @@ def test_a_paired_t_test_reads_as_in_a_paper():
 
 def test_the_corrected_value_decides_what_is_significant():
     assert "showed no significant difference" in said(FOUND, 0.0512).text
+
+
+def test_the_alpha_of_the_plan_decides_what_is_significant():
+    body = (compared("path", GROUPS, FOUND, 0.0486),)
+    table = Table("conditions", "T.", ("Metric", *head_of(("slow", "fast"))), body)
+    for alpha, verdict in ((0.05, "a significant"), (0.01, "no significant")):
+        (sentence,) = sentences_of(table, alpha)
+        assert f"showed {verdict} difference" in sentence.text
+
+
+def test_a_test_of_hypotheses_has_a_sentence_for_each_with_p_in_its_family():
+    body = ((words("path"), *compared("slow - fast", GROUPS, FOUND, 0.2)),)
+    table = Table("analysis-a", "T.", ("Measure", "Contrast", *head_of(("first", "second"))), body)
+    decisions = {("analysis-a", "path", "slow - fast"): [("h1", 0.031), ("h2", 0.06)]}
+    first, second = sentences_of(table, 0.05, decisions)
+    assert first.text.startswith("h1, path, slow - fast: A paired t test showed a significant")
+    assert "p = .024, p_family = .031" in first.text
+    assert "Holm" not in first.text
+    assert (first.hypothesis, second.hypothesis) == ("h1", "h2")
+    assert "showed no significant difference" in second.text
 
 
 def test_symbols_are_in_italics_in_latex():
@@ -56,7 +77,7 @@ def test_what_cannot_exceed_one_has_no_zero_before_the_point():
     test = correlation(np.arange(9.0), np.array([2.0, 1, 3, 5, 4, 6, 9, 7, 8]) * -1.0)
     row = (words("loss"), words("speed"), *rows.tested(test, test.p))
     table = Table("n", "N.", ("Of the network", "Of the driving", *TESTED), (row,))
-    (sentence,) = sentences_of(table)
+    (sentence,) = sentences_of(table, 0.05)
     assert sentence.text.startswith(
         "loss, speed: Spearman’s rank correlation showed a significant relation, r_s(7) = −.92"
     )
@@ -81,8 +102,8 @@ def test_a_row_without_a_test_has_no_sentence():
         "c", "T.", ("Metric", *head_of(("slow", "fast"))),
         (compared("path", GROUPS, Found("–", 0, remark="too few"), float("nan")),),
     )  # fmt: skip
-    assert list(sentences_of(table)) == []
-    assert list(sentences_of(Table("t", "T.", ("a",), ((words("x"),),)))) == []
+    assert list(sentences_of(table, 0.05)) == []
+    assert list(sentences_of(Table("t", "T.", ("a",), ((words("x"),),)), 0.05)) == []
 
 
 def test_every_test_of_the_statistics_has_its_sentence():
@@ -97,5 +118,9 @@ def test_every_test_of_the_statistics_has_its_sentence():
         rank_tests.SIGNED,
         rank_tests.RANK_SUM,
         rank_tests.KRUSKAL,
+        rank_tests.FRIEDMAN,
+        *(proportions.CHI_SQUARE, proportions.BOSCHLOO, proportions.MCNEMAR, proportions.COCHRAN),
+        regression.LOG_RANK,
+        *declared.TESTS.values(),
     }
     assert names <= set(METHODS)

@@ -4,7 +4,7 @@ import io
 import zipfile
 from xml.etree import ElementTree as ET
 
-from experiments.analysis.documents.runs import Run
+from experiments.analysis.documents.typesetting import Run
 from experiments.analysis.documents.word import table_document, text_document
 from experiments.analysis.tables.table import Table, number, words
 

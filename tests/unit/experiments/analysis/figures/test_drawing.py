@@ -17,11 +17,9 @@ from experiments.analysis.figures.drawing import (
     NEGATIVE,
     POSITIVE,
     ROBOTS,
-    SCALE,
     as_pdf,
     as_png,
     as_svg,
-    colours_of,
 )
 from experiments.analysis.figures.opinions import figure_8a, figure_8b
 from experiments.analysis.figures.scores import score_figures
@@ -29,7 +27,7 @@ from experiments.analysis.figures.trajectories import figure_6
 from tests.support.analysis.colours import SIMULATED, least_distance, least_step, lightness
 from tests.support.analysis.study_dataset import made_up
 
-PALETTES = {"robots": ROBOTS, "sides": (NEGATIVE, POSITIVE), **{str(n): SCALE[n] for n in SCALE}}
+PALETTES = {"robots": ROBOTS, "sides": (NEGATIVE, POSITIVE)}
 # In L*a*b*, 2.3 is the least difference that is noticed side by side (Mahy et al., 1994); across a
 # figure it takes several times that.
 GREY, APART = 14.0, 15.0
@@ -61,11 +59,6 @@ def test_the_measures_find_a_palette_that_fails():
 
 def test_each_robot_has_a_marker_and_a_line_of_its_own():
     assert len(set(MARKERS)) == len(set(DASHES)) == len(set(ROBOTS)) == 6
-
-
-@pytest.mark.parametrize("values", range(1, 12))
-def test_a_scale_of_any_length_has_as_many_colours(values):
-    assert len(set(colours_of(values))) == values
 
 
 def test_the_text_of_an_svg_is_text(dataset):

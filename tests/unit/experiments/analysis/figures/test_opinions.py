@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import msgspec
 import numpy as np
 import pytest
 
@@ -77,3 +78,28 @@ def test_points_and_discs_are_told_apart_without_colours(dataset):
 def test_balances_fill_100_percent(dataset):
     for row in figure_8b(dataset).numbers.rows:
         assert row[2].value + row[3].value == pytest.approx(100.0)
+
+
+def test_a_balance_leads_to_the_same_sessions_on_a_scale_from_1_to_5(dataset):
+    def moved(one):
+        scales = {
+            key: tuple(msgspec.structs.replace(it, value=it.value + 3) for it in points)
+            for key, points in one.scales.items()
+        }
+        return msgspec.structs.replace(one, scales=scales)
+
+    shifted = replace(
+        dataset,
+        questionnaires=tuple(
+            moved(one) if one.slug == "experience" else one for one in dataset.questionnaires
+        ),
+        responses=tuple(
+            replace(one, values={key: value + 3 for key, value in one.values.items()})
+            if one.questionnaire == "experience"
+            else one
+            for one in dataset.responses
+        ),
+    )
+    expected = figure_8b(dataset).behind
+    assert any(key.startswith("nonpositive") and ids for key, ids in expected.items())
+    assert figure_8b(shifted).behind == expected

@@ -28,7 +28,7 @@ def lines_of(axes):
 def test_each_condition_has_a_panel_with_its_own_sessions(dataset, measured):
     drawing = figure_7(dataset, measured)
     titles = {one.key: one.title["en"] for one in dataset.study.conditions}
-    driven = [one for one in measured if len(one.way)]
+    driven = [one for one in measured if len(one.positions)]
     conditions = {one.session.condition for one in driven}
     panels = [axes for axes in drawing.figure.axes if lines_of(axes)]
     assert len(panels) == len(conditions) > 1
@@ -48,7 +48,7 @@ def test_the_panels_of_a_site_show_the_same_part_of_its_plan(dataset, measured):
 
 
 def test_lines_are_thin_and_fainter_where_they_are_many(dataset, measured):
-    first = next(one for one in measured if len(one.way))
+    first = next(one for one in measured if len(one.positions))
     alone = figure_7(dataset, [first]).figure.axes[0]
     many = figure_7(dataset, [first] * 16).figure.axes[0]
     one, several = (

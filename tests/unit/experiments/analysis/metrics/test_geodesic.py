@@ -1,10 +1,10 @@
-"""The shortest ways: what is left of them, and what closed doors make of them."""
+"""Shortest paths with open and closed doors."""
 
 import math
 
 import pytest
 
-from experiments.analysis.metrics.geodesic import Ways, nearer
+from experiments.analysis.metrics.geodesic import ShortestPaths, nearer
 from robots.world.sites import load_plan
 
 OFFICE, _ = load_plan("office")
@@ -38,7 +38,7 @@ def test_with_both_doors_closed_there_is_no_way():
 
 
 def test_a_place_far_outside_has_no_way():
-    assert Ways(OFFICE).nearest((50.0, 50.0)) == -1
+    assert ShortestPaths(OFFICE).nearest((50.0, 50.0)) == -1
     assert math.isnan(nearer(OFFICE, frozenset(), LAB, (50.0, 50.0), LAB))
 
 

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import STATES
-from experiments.analysis.dataset.records import columns_of
 from experiments.analysis.metrics.motion import Trajectory, drive
+from experiments.dataset.columns import columns_of
+from experiments.dataset.states import STATES
 
 
 def track(seconds=None, **given):
@@ -27,22 +27,22 @@ def track(seconds=None, **given):
 
 def test_a_position_that_trembles_by_less_than_a_centimetre_is_no_way():
     x = np.random.default_rng(1).uniform(-0.004, 0.004, 400)
-    assert drive(track(x=x)).path == 0.0
+    assert drive(track(x=x))["path"] == 0.0
 
 
 def test_a_slow_drive_is_a_way_although_each_step_is_below_the_dead_band():
-    assert drive(track(x=np.linspace(0.0, 1.0, 401))).path == pytest.approx(1.0, abs=0.01)
+    assert drive(track(x=np.linspace(0.0, 1.0, 401)))["path"] == pytest.approx(1.0, abs=0.01)
 
 
 def test_a_robot_that_finds_itself_elsewhere_did_not_drive_there():
     found = drive(track(x=np.array([0.0, 0.1, 5.1, 5.2])))
-    assert (found.path, found.jumps) == (pytest.approx(0.2), 1)
+    assert (found["path"], found["jumps"]) == (pytest.approx(0.2), 1)
 
 
 def test_turning_counts_to_both_sides_and_across_the_back():
     theta = np.concatenate((np.linspace(3.0, 4.0, 21), np.linspace(4.0, 3.0, 21)))
     wrapped = (theta + math.pi) % (2 * math.pi) - math.pi
-    assert drive(track(theta=wrapped)).rotation == pytest.approx(2.0, abs=0.02)
+    assert drive(track(theta=wrapped))["rotation"] == pytest.approx(2.0, abs=0.02)
 
 
 def test_a_stop_is_a_second_of_standing_after_having_gone():
@@ -56,26 +56,42 @@ def test_a_stop_is_a_second_of_standing_after_having_gone():
         + [0.0] * 8
         + [0.3] * 4
     )
-    assert drive(track(linear=np.array(speed))).stops == 1
+    assert drive(track(linear=np.array(speed)))["stops"] == 1
+
+
+def test_a_standstill_that_a_gap_interrupts_is_no_stop():
+    seconds = [0.0, 0.25, 0.5, 0.75, 9.0, 9.25, 9.5, 9.75, 10.0]
+    speed = np.array([0.3, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert drive(track(seconds[:6], linear=speed[:6]))["stops"] == 0
+    assert drive(track(seconds, linear=speed))["stops"] == 1, "a second was seen after the gap"
+
+
+def test_a_robot_in_its_station_is_near_no_collision():
+    clearance = np.array([0.05] * 8 + [0.15] * 2 + [0.5] * 4 + [0.1] * 2 + [0.5] + [0.15, 0.05])
+    docked = np.array([1.0] * 8 + [0.0] * 10 + [1.0])
+    found = drive(track(clearance=clearance, docked=docked))
+    assert (found["near_collisions"], found["near_seconds"]) == (1, 0.5)
+    standing = drive(track(clearance=np.full(40, 0.05), docked=np.ones(40)))
+    assert (standing["near_collisions"], standing["near_seconds"]) == (0, 0.0)
 
 
 def test_a_near_collision_ends_only_when_the_way_is_clear_again():
     clearance = np.array([1.0, 0.19, 0.22, 0.19, np.nan, 0.26, 0.3, 0.1, 0.3, 0.3])
     found = drive(track(clearance=clearance))
-    assert (found.near_collisions, found.least_clearance) == (2, 0.1)
-    assert found.near_seconds == pytest.approx(5 * 0.25)
+    assert (found["near_collisions"], found["least_clearance"]) == (2, 0.1)
+    assert found["near_seconds"] == pytest.approx(5 * 0.25)
 
 
 def test_a_drive_that_begins_near_something_counts_it_once():
-    assert drive(track(clearance=np.array([0.1, 0.1, 0.5]))).near_collisions == 1
-    assert drive(track(clearance=np.array([np.nan, 0.1, 0.5]))).near_collisions == 1
-    assert drive(track(clearance=np.full(3, np.nan))).near_collisions == 0
+    assert drive(track(clearance=np.array([0.1, 0.1, 0.5])))["near_collisions"] == 1
+    assert drive(track(clearance=np.array([np.nan, 0.1, 0.5])))["near_collisions"] == 1
+    assert drive(track(clearance=np.full(3, np.nan)))["near_collisions"] == 0
 
 
 def test_a_gap_between_states_is_time_of_nothing():
     found = track([0.0, 0.25, 0.5, 10.0, 10.25], linear=np.full(5, 0.3))
     assert found.gaps().tolist() == [9.5]
-    assert drive(found).seconds == pytest.approx(0.75)
+    assert found.lasts.sum() == pytest.approx(0.75)
     assert found.rate() == pytest.approx(4 / 10.25)
 
 
@@ -83,17 +99,17 @@ def test_two_runs_of_an_agent_are_not_one_drive():
     found = track(
         [0.0, 0.25, 0.3, 0.55], boot=np.array([0.0, 0.0, 1.0, 1.0]), linear=np.full(4, 0.3)
     )
-    assert drive(found).seconds == pytest.approx(0.5)
+    assert found.lasts.sum() == pytest.approx(0.5)
 
 
 def test_the_way_over_a_gap_is_neither_path_nor_time_but_known_at_least():
     stamps = np.delete(np.arange(0.0, 60.0, 0.25), np.arange(100, 112))
     for odometer in ({"distance": 0.4 * stamps}, {}):
         found = drive(track(stamps, x=0.4 * stamps, linear=np.full(len(stamps), 0.4), **odometer))
-        assert found.speed == pytest.approx(0.4, rel=0.001)
-        assert found.path == pytest.approx(0.4 * found.seconds, rel=0.001)
-        assert found.path_unseen == pytest.approx(0.4 * 3.25)
-        assert found.path_by_odometry is bool(odometer)
+        assert found["speed"] == pytest.approx(0.4, rel=0.001)
+        assert found["path"] == pytest.approx(0.4 * (len(stamps) - 2) * 0.25, rel=0.001)
+        assert found["path_unseen"] == pytest.approx(0.4 * 3.25)
+        assert found["path_by_odometry"] == bool(odometer)
 
 
 def test_the_share_of_time_that_was_seen_is_less_by_the_gaps():
@@ -108,9 +124,10 @@ def test_the_share_of_time_that_was_seen_is_less_by_the_gaps():
 
 def test_a_part_of_a_drive_ends_with_its_last_state():
     stamps = np.arange(0.0, 10.0, 0.25)
-    found = drive(track(stamps, x=0.3 * stamps).between(2.0, 4.0))
-    assert (found.seconds, found.path) == (pytest.approx(2.0), pytest.approx(0.6))
-    assert found.speed == pytest.approx(0.3)
+    part = track(stamps, x=0.3 * stamps).between(2.0, 4.0)
+    found = drive(part)
+    assert (part.lasts.sum(), found["path"]) == (pytest.approx(2.0), pytest.approx(0.6))
+    assert found["speed"] == pytest.approx(0.3)
 
 
 def test_holes_in_the_numbers_of_states_are_missing_states():
@@ -122,13 +139,12 @@ def test_holes_in_the_numbers_of_states_are_missing_states():
 
 
 def test_standing_and_moving_fill_the_time():
-    found = drive(
-        track(
-            linear=np.array([0.0, 0.3, 0.3, 0.0, 0.0]), angular=np.array([0.0, 0.0, 0.0, 0.5, 0.0])
-        )
-    )
-    assert (found.moving, found.idle) == (pytest.approx(0.75), pytest.approx(0.25))
-    assert found.moving + found.idle == pytest.approx(found.seconds)
+    speed, turning = np.array([0.0, 0.3, 0.3, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 0.5, 0.0])
+    x = np.array([0.0, 0.0, 0.075, 0.15, 0.15])
+    found = drive(track(x=x, linear=speed, angular=turning))
+    assert found["idle"] == pytest.approx(0.25)
+    assert found["moving_speed"] == pytest.approx(0.15 / 0.75)
+    assert found["speed"] == pytest.approx(0.15 / 1.0)
 
 
 def test_time_is_that_of_the_servers_clock():
@@ -143,6 +159,6 @@ def test_time_is_that_of_the_servers_clock():
 def test_no_state_and_one_state_are_a_track(n):
     found = track(x=np.zeros(n))
     about = drive(found)
-    assert (about.path, about.stops, about.near_collisions, about.seconds) == (0.0, 0, 0, 0.0)
+    assert (about["path"], about["stops"], about["near_collisions"]) == (0.0, 0, 0)
     assert math.isnan(found.rate())
-    assert math.isnan(about.speed)
+    assert math.isnan(about["speed"])

@@ -150,15 +150,19 @@ def test_noise_is_found_on_the_move_too():
     assert noise_of([(at[:2], straight()[:2])]) == 0.0
 
 
-def test_smoothing_is_the_least_squares_solution():
+def test_smoothing_is_the_cubic_smoothing_spline():
+    """By its closed form: Green and Silverman, Nonparametric Regression (1994), section 2.1."""
     rng = np.random.default_rng(3)
     at, values = np.cumsum(rng.uniform(0.1, 0.5, 12)), rng.normal(0.0, 0.02, (12, 1))
     h = np.diff(at)
-    second = np.zeros((10, 12))
-    for row in range(10):
-        a, b = h[row], h[row + 1]
-        second[row, row : row + 3] = 2 / (a * (a + b)), -2 / (a * b), 2 / (b * (a + b))
-    rough = second.T @ np.diag((h[:-1] + h[1:]) / 2.0) @ second
+    q, r = np.zeros((12, 10)), np.zeros((10, 10))
+    for column in range(10):
+        a, b = h[column], h[column + 1]
+        q[column : column + 3, column] = 1 / a, -1 / a - 1 / b, 1 / b
+        r[column, column] = (a + b) / 3
+        if column < 9:
+            r[column, column + 1] = r[column + 1, column] = b / 6
+    rough = q @ np.linalg.solve(r, q.T)
     expected = np.linalg.solve(np.eye(12) + 0.02**2 / WANDER * rough, values)
     assert smoothed(at, values, 0.02, WANDER) == pytest.approx(expected)
 

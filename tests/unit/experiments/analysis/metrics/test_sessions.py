@@ -7,20 +7,18 @@ import numpy as np
 import pandas
 import pytest
 
-from experiments.analysis.dataset.columns import STATES
-from experiments.analysis.dataset.levels import METHODS
-from experiments.analysis.dataset.records import (
-    NO_NETWORK,
-    NO_STATES,
-    Dataset,
-    EventRecord,
-    SessionRecord,
-    columns_of,
-)
 from experiments.analysis.metrics.definitions import METRICS, SEGMENT_METRICS
 from experiments.analysis.metrics.milestones import docking_attempts, milestones
 from experiments.analysis.metrics.motion import Trajectory
 from experiments.analysis.metrics.sessions import measure, measure_all
+from experiments.dataset.columns import columns_of
+from experiments.dataset.levels import METHODS
+from experiments.dataset.records import (
+    Dataset,
+    EventRecord,
+    SessionRecord,
+)
+from experiments.dataset.states import NO_NETWORK, NO_STATES, STATES
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 
@@ -30,12 +28,11 @@ MEASURED = measure_all(DATASET)
 
 
 def frame(session):
-    states = DATASET.states(session)
-    return pandas.DataFrame(states.values, columns=[column.name for column in STATES])
+    return pandas.DataFrame(DATASET.states(session))
 
 
 @pytest.mark.parametrize(
-    "one", [one for one in MEASURED if len(one.way)], ids=lambda one: one.session.id
+    "one", [one for one in MEASURED if len(one.positions)], ids=lambda one: one.session.id
 )
 def test_metrics_agree_with_an_independent_computation(one):
     states = frame(one.session.id)
@@ -64,10 +61,7 @@ def test_metrics_agree_with_an_independent_computation(one):
     assert sum(values[f"share_{method}"] for method in METHODS) == pytest.approx(1.0)
     assert values["rate"] == pytest.approx(4.0, abs=0.01)
     assert values["least_clearance"] == task.clearance.min()
-    network = pandas.DataFrame(
-        DATASET.network(one.session.id).values,
-        columns=[c.name for c in DATASET.network(one.session.id).layout],
-    )
+    network = pandas.DataFrame(DATASET.network(one.session.id))
     assert values["round_trip"] == pytest.approx(network.round_trip.median())
     assert values["loss"] == pytest.approx(network.loss.mean())
     assert values["frame_age_p95"] == pytest.approx(network.frame_age.quantile(0.95))
@@ -107,14 +101,14 @@ def test_a_session_without_anything_is_full_of_unknowns_and_no_error():
         (),
     )
     assert found.segments == ()
-    assert len(found.way) == 0
+    assert len(found.positions) == 0
     assert math.isnan(found.values["path"])
     assert math.isnan(found.values["efficiency"])
     assert found.values["passed"] == 0.0
 
 
 def test_a_robot_without_course_or_plan_is_measured_all_the_same():
-    one = next(one for one in MEASURED if len(one.way))
+    one = next(one for one in MEASURED if len(one.positions))
     session = replace(one.session, robot="unknown", site="moon")
     states = DATASET.states(one.session.id)
     found = measure(replace(DATASET, states=lambda _: states), session, ())

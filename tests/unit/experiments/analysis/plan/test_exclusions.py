@@ -4,14 +4,15 @@ from dataclasses import replace
 
 import pytest
 
-from experiments.analysis.dataset.records import (
+from experiments.dataset.counting import counting
+from experiments.dataset.exclusions import excluded_participants
+from experiments.dataset.records import (
     Dataset,
     PageRecord,
     ParticipantRecord,
     ResponseRecord,
     SessionRecord,
 )
-from experiments.analysis.plan.exclusions import excluded_participants, exclusions
 from tests.support.analysis.planned import plan_with, planned_study
 
 
@@ -32,15 +33,15 @@ def dataset(plan, *, seconds=(30.0, 32.0, 34.0), given=(2, 2, 2), **more):
             for who, time in zip(people, seconds, strict=True)
         ),
         responses=tuple(
-            ResponseRecord(f"r-{who}", "experience", who, {"q1": said}, session=f"s-{who}")
-            for who, said in zip(people, given, strict=True)
+            ResponseRecord(f"r-{who}", "experience", who, {"q1": answer}, session=f"s-{who}")
+            for who, answer in zip(people, given, strict=True)
         ),
         **more,
     )
 
 
 def found(data):
-    return [(one.participant, one.rule, one.value) for one in exclusions(data.chosen())]
+    return [(one.participant, one.rule, one.value) for one in counting(data).exclusions]
 
 
 def check(answer="2"):
@@ -56,15 +57,17 @@ def test_a_wrong_answer_to_an_attention_check_excludes():
 def test_an_attention_check_that_was_skipped_is_failed_and_one_not_asked_is_not():
     data = dataset(plan_with(attention_checks=[check()]))
     silent = [
-        ResponseRecord(f"r-{n}", "experience", f"P{n}", {}, missing={"q1": reason})
+        ResponseRecord(
+            f"r-{n}", "experience", f"P{n}", {}, session=f"s-P{n}", missing={"q1": reason}
+        )
         for n, reason in enumerate(("skipped", "not_asked", "withheld"))
     ]
-    data = Dataset(data.study, participants=data.participants, responses=tuple(silent))
+    data = replace(data, responses=tuple(silent))
     assert [who for who, *_ in found(data)] == ["P0"]
 
 
 @pytest.mark.parametrize(
-    ("rule", "said"),
+    ("rule", "answer"),
     [
         ({"seconds": 10}, "experience: 4.0 s, less than 10 s"),
         (
@@ -77,9 +80,9 @@ def test_an_attention_check_that_was_skipped_is_failed_and_one_not_asked_is_not(
         ),
     ],
 )
-def test_a_speeder_is_faster_than_seconds_or_a_share_of_the_median(rule, said):
+def test_a_speeder_is_faster_than_seconds_or_a_share_of_the_median(rule, answer):
     plan = plan_with(speeders=[{"questionnaire": "experience", **rule}])
-    assert found(dataset(plan, seconds=(4.0, 32.0, 40.0))) == [("P0", "speeder", said)]
+    assert found(dataset(plan, seconds=(4.0, 32.0, 40.0))) == [("P0", "speeder", answer)]
     assert found(dataset(plan, seconds=(30.0, 32.0, 40.0))) == []
 
 
@@ -113,5 +116,5 @@ def test_platform_faults_and_researchers_exclude_a_session_and_nobody():
         ("P0", "platform fault", "platform fault: web process away"),
         ("P1", "researcher's decision", "a visitor looked on"),
     ]
-    assert excluded_participants(exclusions(data.chosen())) == frozenset()
-    assert not any(one.is_planned for one in exclusions(data.chosen()))
+    assert excluded_participants(counting(data).exclusions) == frozenset()
+    assert not any(one.planned for one in counting(data).exclusions)

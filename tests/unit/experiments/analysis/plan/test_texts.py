@@ -6,21 +6,20 @@ import msgspec
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.records import FreezeRecord, RobotRecord
-from experiments.analysis.plan.exclusions import exclusions
 from experiments.analysis.plan.preregistration import NO_PLAN, UNANSWERED, preregistration
 from experiments.analysis.plan.reporting_sheet import UNKNOWN, as_markdown, reporting_sheet
+from experiments.dataset.records import FreezeRecord, RobotRecord
 from experiments.definition.shipped import shipped
-from tests.support.analysis.planned import PLAN, plan_with, planned_study
+from tests.support.analysis.planned import PLAN, hypothesis, plan_with, planned_study
 from tests.support.analysis.planned_data import planned_data
-from tests.support.analysis.study_dataset import made_up
+from tests.support.analysis.study_dataset import made_up, questionnaires
 
 FROZEN = FreezeRecord(sha256="ab" * 32, frozen_at="2026-05-01 09:00 UTC", before_data=True)
 TIMES = {"shut": [100.0, 110.0, 130.0], "all_open": [90.0, 95.0, 99.0]}
 
 
 def answers(text):
-    """What is said below each question."""
+    """The answers, by question."""
     parts = text.split("\n### ")[1:]
     return {
         question: rest.split("\n## ")[0].strip()
@@ -37,26 +36,132 @@ def test_a_preregistration_asks_in_the_order_of_the_osf():
         "Variables",
         "Analysis plan",
         "Other",
+        "Every number and choice",
     ]
 
 
-def test_what_is_declared_is_answered_and_what_is_not_is_said_to_be_unanswered():
+def test_declared_answers_are_given_and_the_others_marked_as_unanswered():
     plan = plan_with(
         attention_checks=[{"questionnaire": "experience", "item": "q1", "answer": "2"}],
         speeders=[{"questionnaire": "experience", "seconds": 10}],
     )
-    said = answers(preregistration(planned_study(plan), FROZEN))
-    assert said["Research question"] == "Does a closed door matter?"
-    assert "**h1**: A closed door takes time." in said["Hypotheses"]
-    assert "analysis `driving`; `task_time`" in said["Hypotheses"]
-    assert said["Sample size"] == "20 complete cases."
-    assert "`experience.q1` is not “2”" in said["Data exclusion"]
-    assert "`experience` in less than 10 s" in said["Data exclusion"]
-    assert said["Blinding"] == said["Stopping rule"] == said["Transformations"] == UNANSWERED
+    given = answers(preregistration(planned_study(plan), FROZEN))
+    assert given["Research question"] == "Does a closed door matter?"
+    assert "**h1**: A closed door takes time." in given["Hypotheses"]
+    assert "analysis `driving`; `task_time`" in given["Hypotheses"]
+    assert given["Sample size"] == "20 complete cases."
+    assert "`experience.q1` is not “2”" in given["Data exclusion"]
+    assert "`experience` in less than 10 s" in given["Data exclusion"]
+    assert given["Blinding"] == given["Stopping rule"] == given["Transformations"] == UNANSWERED
+
+
+def text_of(asked=(), **changes):
+    study = planned_study(**{"plan": PLAN, **changes})
+    return preregistration(study, FROZEN, asked)
+
+
+def with_condition(**changes):
+    """The conditions of the study, the first with fields replaced."""
+    first, *rest = msgspec.to_builtins(planned_study(PLAN).conditions)
+    return [{**first, **changes}, *rest]
 
 
 @pytest.mark.parametrize(
-    ("freeze", "said"),
+    ("changes", "sentence"),
+    [
+        (
+            {"conditions": with_condition(network={"control": {"delay": 0.3, "loss": 0.02}})},
+            "network to the robot, one way: delay 300 ms, loss 2 %",
+        ),
+        (
+            {"conditions": with_condition(network={"video": {"bitrate": 400_000.0}})},
+            "network back with the video, one way: rate 400 kbit/s",
+        ),
+        (
+            {"conditions": with_condition(speed={"linear": 0.4, "angular": 0.6})},
+            "at most 0.4 m/s; at most 0.6 rad/s",
+        ),
+        (
+            {"refill": {"outcomes": ["robot_fault"], "most": 2}},
+            "are replaced, at most 2 times in each cell: robot fault.",
+        ),
+        ({}, "Exposed participants are not replaced."),
+        ({}, "A participant who was not exposed gives the place back and is drawn anew"),
+        ({}, "Exposed is a participant to whom the page showed a video frame of the task."),
+        ({"analysis": {"counts": "last"}}, "Of several responses of one participant the last"),
+        (
+            {"analysis": {"drives": "first"}},
+            "Of several such drives of a participant in a condition, the first counts.",
+        ),
+        ({"quality": {"longest_gap": 1.5}}, "no gap above 1.5 s"),
+        ({"allocation": {"left_after_hours": 36.0}}, "- allocation.left_after_hours: 36.0"),
+        ({"devices": ["computer"]}, "- Only with these devices: computer."),
+        (
+            {"screening": [{"questionnaire": "ict", "item": "age", "at_least": 18}]},
+            "- Only with this answer to `ict.age`: at least 18.",
+        ),
+        (
+            {"answer_quotas": [{"questionnaire": "ict", "item": "s", "answers": ["a"], "most": 5}]},
+            "- At most 5 who answer `ict.s` with: a.",
+        ),
+        ({"appointments": {"second_after_days": 7}}, "- appointments.second_after_days: 7"),
+        ({"start": {"charge": 0.3}}, "its battery has at least 30 % of its charge"),
+        ({}, "`task_time` (s): from the task's event task_started (the first video frame) to its"),
+    ],
+)
+def test_a_preregistration_names_what_can_change_results(changes, sentence):
+    assert sentence in text_of(**changes)
+
+
+def test_a_preregistration_names_scales_with_their_ranges_and_reversed_items():
+    text = text_of(questionnaires("experience", "sus"))
+    assert "- `experience.q1`: mean of the answers to q1 that were given; from -2 to 2." in text
+    assert "`experience`, version 1. Reverse-coded items, counted from the other end:" in text
+
+
+def test_a_preregistration_has_the_task_its_course_and_its_time_limit():
+    text = text_of()
+    task, course = planned_study(PLAN).task, planned_study(PLAN).courses[0]
+    assert f"- Task, `{task.key}`: at most {task.minutes:g} minutes" in text
+    stop = course.checkpoints[1]
+    assert f"{stop.number} at ({stop.x:g}, {stop.y:g}) within {stop.radius:g} m" in text
+
+
+def test_the_appendix_has_every_field_also_those_at_their_defaults():
+    text = text_of().partition("## Every number and choice")[2]
+    study = planned_study(PLAN)
+    for name in ("allocation", "refill", "start", "quality", "analysis"):
+        for field in getattr(study, name).__struct_fields__:
+            assert f"- {name}.{field}: " in text
+
+
+def test_a_preregistration_does_not_tell_the_codes_of_completion():
+    codes = {"done": "C1D2E3F4"}
+    assert "C1D2E3F4" not in text_of(recruiting={"site": "prolific", "codes": codes})
+
+
+def test_a_study_of_one_condition_has_no_sentence_about_several():
+    study = planned_study(None)
+    one = msgspec.structs.replace(study, conditions=study.conditions[:1], analyses=())
+    given = answers(preregistration(one, FROZEN))
+    assert given["Study type"].startswith("Observational study")
+    assert given["Randomization"] == "None: there is one condition."
+    assert given["Manipulated variables"] == "None: there is one condition."
+    assert "assigned" not in given["Study design"]
+
+
+def test_a_direction_names_the_levels_of_an_effect():
+    levels = [{"key": key, "title": {"en": f"Level {key}"}} for key in ("low", "high")]
+    factor = {"key": "delay", "title": {"en": "Delay"}, "design": "between", "levels": levels}
+    text = text_of(
+        factors=[factor],
+        plan=plan_with(hypotheses=[hypothesis(effect="delay", direction="less")]),
+    )
+    assert "Expected: “Level low” is smaller than “Level high”; tested two-sided." in text
+
+
+@pytest.mark.parametrize(
+    ("freeze", "sentence"),
     [
         (FROZEN, "Before data: yes, no participant of this version had joined."),
         (
@@ -73,8 +178,8 @@ def test_what_is_declared_is_answered_and_what_is_not_is_said_to_be_unanswered()
         (None, "When the definition was frozen is unknown."),
     ],
 )
-def test_it_says_honestly_whether_there_were_data(freeze, said):
-    assert said in preregistration(planned_study(PLAN), freeze)
+def test_it_says_honestly_whether_there_were_data(freeze, sentence):
+    assert sentence in preregistration(planned_study(PLAN), freeze)
 
 
 def test_a_text_and_a_sheet_say_the_same_of_the_freeze():
@@ -89,13 +194,14 @@ def test_a_text_and_a_sheet_say_the_same_of_the_freeze():
 @pytest.mark.parametrize("study", shipped().values(), ids=list(shipped()))
 def test_shipped_studies_have_a_text(study):
     text = preregistration(study, None)
+    assert "- Participants younger than" in text
     assert (NO_PLAN in text) == (study.plan is None)
     assert "None" not in text
 
 
 def sheet(plan=PLAN, **more):
     dataset, measured = planned_data(plan, TIMES, **more)
-    table = reporting_sheet(dataset, measured, exclusions(dataset), dataset.participants)
+    table = reporting_sheet(dataset, measured, dataset.participants)
     topics, found = "", {}
     for topic, item, value in table.rows:
         topics = topic.text or topics
@@ -110,10 +216,10 @@ def test_a_sheet_counts_who_took_part_and_what_failed():
     assert found["Failures", "completed"] == "6 drives"
     assert found["Autonomy by condition", "Open"] == "none: the participant drives"
     assert found["Deviations from the plan", "planned participants"] == "20"
-    assert found["Deviations from the plan", "participants who drove and are not excluded"] == "6"
+    assert found["Deviations from the plan", "participants with a drive that counts"] == "6"
 
 
-def test_what_a_sheet_does_not_know_is_unknown():
+def test_missing_facts_of_a_sheet_are_unknown():
     found, _ = sheet(robots=(RobotRecord(name="giraff", title="Giraff", series="giraff"),))
     assert found["Participants", "recruitment"] == UNKNOWN
     assert found["Participants", "sex or gender"] == "unknown: not asked"
@@ -125,9 +231,9 @@ def test_what_a_sheet_does_not_know_is_unknown():
 
 def test_a_sheet_counts_the_answers_to_the_question_for_sex():
     dataset = made_up(np.random.default_rng(3), 24)
-    rows = reporting_sheet(dataset, [], [], dataset.participants).rows
-    (said,) = (value.text for _, item, value in rows if item.text == "sex or gender")
-    counts = [part.partition(": ") for part in said.split(", ")]
+    rows = reporting_sheet(dataset, [], dataset.participants).rows
+    (given,) = (value.text for _, item, value in rows if item.text == "sex or gender")
+    counts = [part.partition(": ") for part in given.split(", ")]
     assert [answer for answer, _, _ in counts] == ["Woman", "Man"]
     assert sum(int(n) for _, _, n in counts) == 22, "two did not answer"
 
@@ -150,7 +256,7 @@ def test_a_sheet_measures_latency():
         replace(one, values={**one.values, "command_age_median": 0.05, "command_age_p95": 0.12})
         for one in measured
     ]
-    table = reporting_sheet(replace(dataset, robots=(robot,)), aged, (), ())
+    table = reporting_sheet(replace(dataset, robots=(robot,)), aged, ())
     values = [row[2].text for row in table.rows]
     assert "median 50 ms, 95th percentile 120 ms (medians over 6 drives)" in values
 

@@ -1,4 +1,4 @@
-"""Simulated power is the exact one wherever there is one, and comes from the statistics of the
+"""Simulated power is the exact one wherever there is one, and is corrected in the families of the
 report.
 """
 
@@ -7,6 +7,8 @@ import math
 import msgspec
 import numpy as np
 import pytest
+from statsmodels.stats.power import NormalIndPower
+from statsmodels.stats.proportion import proportion_effectsize
 
 from experiments.analysis.power.exact import participants_needed, power
 from experiments.analysis.power.search import (
@@ -15,18 +17,8 @@ from experiments.analysis.power.search import (
     power_report,
     power_table,
 )
-from experiments.analysis.power.simulation import simulate, two_sides
-from experiments.analysis.statistics.comparisons import (
-    friedman,
-    holm,
-    holm_rows,
-    several_between,
-    several_within,
-    welch_f,
-)
-from experiments.analysis.statistics.conditions import compare
-from experiments.analysis.statistics.mixed_model_batch import term_p_values
-from experiments.analysis.statistics.mixed_models import design_of, fit
+from experiments.analysis.power.simulation import simulate
+from experiments.analysis.statistics.comparisons import holm, holm_rows
 from experiments.definition.plan import StudyPlan
 from experiments.definition.shipped import shipped
 from tests.support.analysis.powered import expected, powered_study
@@ -116,7 +108,7 @@ def test_without_an_expected_difference_there_is_no_number():
     assert "No difference is expected" in power_table(study, found, 50).notes[0]
 
 
-def test_what_nobody_declares_is_half_a_standard_deviation():
+def test_default_difference_is_half_a_standard_deviation():
     assert simulated(powered_study(), 34, 2000) == pytest.approx(power(0.5, 34, "within"), abs=0.03)
 
 
@@ -126,48 +118,124 @@ def test_the_same_seed_makes_the_same_studies():
     assert (one.p != other.p).any()
 
 
-@pytest.mark.parametrize("is_between", [False, True])
-@pytest.mark.parametrize("by_ranks", [False, True])
-def test_simulated_studies_are_analysed_as_the_report_does(is_between, by_ranks):
-    rng = np.random.default_rng(3)
-    kinds = [("c0",), ("c1",)] if is_between else [("c0", "c1")]
-    samples = [rng.standard_normal((3, 12, len(kind))) for kind in kinds]
-    found = two_sides(kinds, samples, ("c1",), ("c0",), by_ranks=by_ranks)
-    for number in range(3):
-        values = np.concatenate([one[number] for one in samples], axis=1)
-        groups = {
-            side: {f"P{n:02d}": value for n, value in enumerate(values[:, column])}
-            for side, column in (("first", 1), ("second", 0))
-        }
-        test = compare(groups, is_paired=not is_between, by_ranks=by_ranks)
-        assert found[number] == pytest.approx(test.p)
-
-
-def test_tests_of_several_conditions_are_those_of_the_report():
-    rng = np.random.default_rng(5)
-    tables = rng.standard_normal((4, 9, 3)).round(1)
-    groups = [rng.standard_normal((4, n)) for n in (7, 8, 9)]
-    for number in range(4):
-        assert friedman(tables)[1][number] == pytest.approx(several_within(tables[number]).p)
-        own = [group[number] for group in groups]
-        assert welch_f(groups)[2][number] == pytest.approx(several_between(own).p)
-    ps = rng.random((4, 5))
+def test_families_are_corrected_row_by_row():
+    ps = np.random.default_rng(5).random((4, 5))
     assert [tuple(row) for row in holm_rows(ps)] == [pytest.approx(holm(row)) for row in ps]
 
 
-def test_many_mixed_models_at_once_are_those_of_the_report():
-    rng = np.random.default_rng(8)
-    cells = [(a, b) for a in ("x", "y") for b in ("u", "v")]
-    rows = [{"a": a, "b": b} for _ in range(10) for a, b in cells]
-    who = [f"P{n // 4:02d}" for n in range(40)]
-    terms = ("a", "b", "a:b")
-    design = design_of({"a": ["x", "y"], "b": ["u", "v"]}, terms, rows, "sum")
-    own = np.repeat(rng.standard_normal((6, 10)), 4, axis=1) * np.array([0, 0, 1, 1, 3, 9])[:, None]
-    outcomes = own + rng.standard_normal((6, 40))
-    found = term_p_values(outcomes, design, terms, who)
-    for number, outcome in enumerate(outcomes):
-        expected_ = [term.p for term in fit(outcome, design, terms, who).terms]
-        assert found[number] == pytest.approx(expected_, rel=1e-5)
+def with_contrasts(study, pairs, **plan):
+    """The study with a contrast for each pair of its conditions, by number."""
+    whole = msgspec.to_builtins(study)
+    contrasts = [
+        {"title": {"en": f"{a}-{b}"}, "first": [f"c{a}"], "second": [f"c{b}"]} for a, b in pairs
+    ]
+    whole["analyses"] = [{**whole["analyses"][0], "contrasts": contrasts}]
+    whole["plan"] |= plan
+    return msgspec.convert(whole, type(study))
+
+
+PAIRS = [(1, 0), (2, 0), (3, 0), (2, 1), (3, 1), (3, 2)]
+
+
+def test_tests_that_are_assumed_null_are_in_the_family():
+    """The report corrects six contrasts, so Bonferroni's sixth bounds the power from below."""
+    hypotheses = [{"key": "h1", "text": "It helps.", "analysis": "time", "contrast": 1}]
+    study = powered_study(4, expected=[expected(1, 0.6, sd=1.0, correlation=0.5)])
+    found = simulate(with_contrasts(study, PAIRS, hypotheses=hypotheses), 28, 2000, seed=3)
+    assert [one.is_null for one in found.tests] == [False, True, True, False, False, True]
+    alone = power(0.6, 28, "within")
+    corrected = power(0.6, 28, "within", 0.05 / 6)
+    hits, studies = found.power(0.05)[0]
+    assert corrected - 0.03 <= hits / studies < alone - 0.1
+
+
+def test_a_default_effect_is_alone_in_its_family():
+    study = with_contrasts(powered_study(4), PAIRS)
+    found = simulate(study, 34, 2000, seed=4)
+    for hits, studies in found.power(0.05):
+        assert hits / studies == pytest.approx(power(0.5, 34, "within", 0.05 / 6), abs=0.05)
+
+
+def test_a_family_of_the_plan_has_its_hypotheses_alone():
+    hypotheses = [{"key": "h1", "text": "It helps.", "analysis": "time", "contrast": 1}]
+    families = [{"key": "f", "hypotheses": ["h1"]}]
+    study = powered_study(4, expected=[expected(1, 0.6, sd=1.0, correlation=0.5)])
+    planned = with_contrasts(study, PAIRS, hypotheses=hypotheses, families=families)
+    hits, studies = simulate(planned, 28, 2000, seed=3).power(0.05)[0]
+    assert hits / studies == pytest.approx(power(0.6, 28, "within"), abs=0.03)
+
+
+def of_kind(measure, test, level, other, design="between", **more):
+    """A study with a proportion, count or time, and the expected values of both conditions."""
+    levels = [expected(n, 0.0, level=one) for n, one in enumerate((level, other))]
+    whole = msgspec.to_builtins(
+        powered_study(design=design, expected=[{**one, "measure": measure} for one in levels])
+    )
+    whole["analyses"] = [{**whole["analyses"][0], "measures": [measure], "test": test, **more}]
+    return msgspec.convert(whole, type(powered_study()))
+
+
+def test_success_is_simulated_as_a_proportion():
+    study = of_kind("completed", "proportions", 0.9, 0.6)
+    effect = proportion_effectsize(0.9, 0.6)
+    exact = NormalIndPower().power(effect, 40, 0.05)
+    assert simulated(study, 80, 2000) == pytest.approx(exact, abs=0.05)
+    assert simulated(of_kind("completed", "proportions", 0.8, 0.8), 80, 2000) == pytest.approx(
+        0.05, abs=0.02
+    )
+
+
+def test_success_of_the_same_participants_has_a_null_of_5_percent():
+    study = of_kind("completed", "proportions", 0.7, 0.7, design="within")
+    assert 0.02 <= simulated(study, 40, 2000) <= 0.07
+
+
+@pytest.mark.parametrize(
+    ("test", "measure", "level"), [("counts", "stops", 2.0), ("times", "task_time", 300.0)]
+)
+def test_counts_and_times_are_simulated_by_their_own_models(test, measure, level):
+    null = of_kind(measure, test, level, level)
+    assert simulated(null, 40, 200) == pytest.approx(0.05, abs=0.06)
+    study = of_kind(measure, test, level, 3.0 * level)
+    assert simulated(study, 40, 100) > 0.5
+
+
+def test_a_model_of_success_is_simulated_with_its_effects():
+    effects = {"contrasts": [], "effects": ["condition"]}
+    study = of_kind("completed", "proportions", 0.9, 0.4, design="within", **effects)
+    found = simulate(study, 30, 50, seed=2)
+    assert [one.label for one in found.tests] == ["condition"]
+    hits, studies = found.power(0.05)[0]
+    assert hits / studies > 0.8
+
+
+def test_effects_without_an_assumption_are_in_the_family_of_the_model():
+    whole = msgspec.to_builtins(powered_study(4))
+    names = {"a": ("x", "y"), "b": ("u", "v")}
+    whole["factors"] = [
+        {
+            "key": key,
+            "title": {"en": key},
+            "design": "within",
+            "levels": [{"key": level, "title": {"en": level}} for level in levels],
+        }
+        for key, levels in names.items()
+    ]
+    cells = [{"a": a, "b": b} for a in names["a"] for b in names["b"]]
+    for condition, levels in zip(whole["conditions"], cells, strict=True):
+        condition["levels"] = levels
+    about = {"key": "time", "title": {"en": "Time"}, "measures": ["task_time"], "test": "mixed"}
+    whole["analyses"] = [{**about, "effects": ["a", "b", "a:b"], "covariates": ["age"]}]
+    study = msgspec.convert(whole, type(powered_study()))
+    found = simulate(study, 24, 1000, seed=5)
+    assert [(one.label, one.is_null) for one in found.tests] == [
+        ("a", False),
+        ("b", False),
+        ("a:b", True),
+    ]
+    (a, _), (b, _), (crossing, studies) = found.power(0.05)
+    assert a / studies == pytest.approx(b / studies, abs=0.06)
+    assert crossing / studies < 0.05
 
 
 def test_the_effect_of_a_factor_in_a_mixed_model_has_about_the_power_of_its_contrast():

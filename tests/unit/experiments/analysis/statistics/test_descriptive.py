@@ -44,7 +44,7 @@ def test_a_spread_is_that_of_pandas():
     assert found.iqr == pytest.approx(series.quantile(0.75) - series.quantile(0.25))
 
 
-def test_nothing_and_one_value_have_a_spread():
+def test_no_value_and_one_value_have_a_spread():
     assert spread([]).median is None
     assert spread([math.nan]).n == 0
     one = spread([4.0])

@@ -124,3 +124,29 @@ def test_an_item_that_points_the_other_way_correlates_negatively_with_the_rest()
         np.corrcoef(items[:, 2], items[:, [0, 1, 3]].sum(axis=1))[0, 1]
     )
     assert math.isnan(against_the_rest(np.ones((4, 2)))[0])
+
+
+def test_a_factor_that_is_not_identified_has_no_omega():
+    # one item is unrelated to the others, whose covariance alone does not give two loadings
+    items = [[1, 2, 2], [1, -1, 2], [0, 1, 0], [0, 1, 1], [1, 1, 1], [2, 2, 1]]
+    with pytest.raises(UndefinedCoefficientError, match="not identified"):
+        mcdonald(np.array(items, dtype=np.float64))
+
+
+def test_omega_of_few_participants_is_not_that_of_a_local_minimum():
+    """R's factanal finds the minimum at a bound; from the usual start, there is one of 0.863."""
+    answers = """
+        -1 -1 -2 -2  1  1  1 -2
+         0 -1  1  0  1 -2 -2 -1
+        -2 -2 -2 -2 -2 -1 -2 -2
+         1  2  2  1  1  2  0  2
+         1  1  0  2  2  2  0  0
+         1  1  2  1  2  1  2  1
+         0 -2 -1  0  1  1 -1  1
+         1  2  2 -1  0 -1  0  2
+        -2  1  1  2 -2 -1 -2  0
+    """
+    items = np.array([line.split() for line in answers.strip().splitlines()], dtype=float)
+    omega, at_bound = mcdonald(items)
+    assert omega.value == pytest.approx(0.845202, abs=1e-5)
+    assert at_bound == (0,)

@@ -1,5 +1,5 @@
 """Mixed models agree with lme4 on 21 data sets that come with R (tests/support/analysis/lme4/), and
-the degrees of freedom of their tests with nlme.
+their tests with clubSandwich (CR2; Satterthwaite, HTZ).
 
 Both maximize the same restricted likelihood, so the optima are the same, also in Dyestuff2
 and CO2, whose groups do not differ beyond chance (the variance is 0).
@@ -11,7 +11,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from experiments.analysis.statistics.mixed_models import INTERCEPT, Design, design_of, fit
+from experiments.analysis.statistics.mixed_models import LEAST_DF, RobustTests, grouped, reml
+from experiments.analysis.statistics.models import INTERCEPT, CannotFitError, Design, design_of
 from tests.support.paths import ROOT
 
 FOLDER = ROOT / "tests" / "support" / "analysis" / "lme4"
@@ -47,11 +48,11 @@ def design(model, rows):
     return Design(np.column_stack(columns), tuple(names), tuple(places))
 
 
-def fitted(name):
+def data_of(name):
     rows = table(FOLDER / "data" / f"{name}.csv")
-    model = MODELS[name]
     outcome = np.array([float(row["outcome"]) for row in rows])
-    return fit(outcome, design(model, rows), model["terms"].split(), [row["who"] for row in rows])
+    groups, people = grouped([row["who"] for row in rows])
+    return outcome, design(MODELS[name], rows), groups, people
 
 
 def test_there_are_twenty_one_data_sets():
@@ -76,28 +77,45 @@ def test_the_licence_and_source_of_every_data_set_are_named():
 def test_estimates_and_standard_errors_are_those_of_lme4(name):
     expected = [one for one in table(FOLDER / "fits.csv") if one["name"] == name]
     fixed, spreads = expected[:-2], expected[-2:]
-    found = fitted(name)
-    assert len(fixed) == len(found.coefficients)
+    outcome, columns, groups, people = data_of(name)
+    found = reml(outcome, columns.columns, groups, people)
+    assert len(fixed) == len(found.estimates)
+    errors = np.sqrt(np.diag(found.covariance))
     # a coefficient that is 0 but for rounding has no relative error: its standard error scales it
-    for ours, theirs in zip(found.coefficients, fixed, strict=True):
+    for ours, our_error, theirs in zip(found.estimates, errors, fixed, strict=True):
         error = float(theirs["error"])
-        assert ours.estimate.value == pytest.approx(
-            float(theirs["estimate"]), rel=RELATIVE, abs=1e-9 * error
-        )
-        assert ours.error == pytest.approx(error, rel=RELATIVE)
-    assert (found.sd_participants, found.sd_residual) == pytest.approx(
+        assert ours == pytest.approx(float(theirs["estimate"]), rel=RELATIVE, abs=1e-9 * error)
+        assert our_error == pytest.approx(error, rel=RELATIVE)
+    between, residual = found.ratio * found.residual, found.residual
+    assert np.sqrt([between, residual]) == pytest.approx(
         [float(one["estimate"]) for one in spreads], rel=RELATIVE
     )
 
 
 @pytest.mark.parametrize("name", sorted(MODELS))
-def test_degrees_of_freedom_are_those_of_nlme(name):
-    expected = [one for one in table(FOLDER / "freedom.csv") if one["name"] == name]
-    found = fitted(name)
-    coefficients = [float(one["df"]) for one in expected if one["what"] == "coefficient"]
-    terms = [float(one["df"]) for one in expected if one["what"] == "term"]
-    assert [one.df for one in found.coefficients] == coefficients
-    assert [one.df[1] for one in found.terms] == terms[1:]  # no test of the intercept as a term
+def test_robust_errors_and_degrees_of_freedom_are_those_of_clubsandwich(name):
+    expected = [one for one in table(FOLDER / "robust.csv") if one["name"] == name]
+    outcome, columns, groups, people = data_of(name)
+    robust = RobustTests(
+        columns.columns, groups, reml(outcome, columns.columns, groups, people).ratio
+    )
+    coefficients = [one for one in expected if one["what"] == "coefficient"]
+    assert len(coefficients) == len(columns.names)
+    for place, theirs in enumerate(coefficients):
+        ours = robust.coefficient(outcome, place, "")
+        assert ours.error == pytest.approx(float(theirs["error"]), rel=RELATIVE)
+        assert ours.df == pytest.approx(float(theirs["df"]), rel=RELATIVE)
+    terms = [one for one in expected if one["what"] == "term"]
+    assert terms or not MODELS[name]["terms"]
+    for number, theirs in enumerate(terms, start=1):
+        if not theirs["df"] or float(theirs["df"]) < LEAST_DF:
+            with pytest.raises(CannotFitError, match="too few participants"):
+                robust.wald(outcome, columns.places(number))
+            continue
+        f, df = robust.wald(outcome, columns.places(number))
+        assert (float(f), df[1]) == pytest.approx(
+            (float(theirs["error"]), float(theirs["df"])), rel=RELATIVE
+        )
 
 
 @pytest.mark.parametrize("name", [n for n, one in MODELS.items() if not one["numbers"]])

@@ -11,13 +11,13 @@ import pytest
 from scipy import stats
 from scipy.special import ndtr
 
-from experiments.analysis.dataset.records import Dataset, ResponseRecord, SessionRecord
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured
-from experiments.analysis.tables.answers import compare_answers
 from experiments.analysis.tables.effects import compare_conditions
+from experiments.analysis.tables.paper_tables import compare_answers
 from experiments.bots.persona import Effect, Persona
+from experiments.dataset.records import Dataset, ResponseRecord, SessionRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import questionnaires, without
 from tests.support.examples import binomial_band, repetitions

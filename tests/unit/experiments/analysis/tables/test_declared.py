@@ -3,23 +3,24 @@ test that was declared.
 """
 
 import math
+from dataclasses import replace
 
 import msgspec
 import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import (
-    Dataset,
-    ParticipantRecord,
-    ResponseRecord,
-    SessionRecord,
-)
 from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured
 from experiments.analysis.tables.declared import declared
+from experiments.dataset.records import (
+    Dataset,
+    ParticipantRecord,
+    ResponseRecord,
+    SessionRecord,
+)
 from experiments.definition.analyses import DeclaredAnalysis
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
@@ -53,19 +54,26 @@ def study_of(*analyses, between=()):
     return msgspec.convert(whole, StudyDefinition)
 
 
-def driven(study, people, value, answer=None):
-    """A dataset in which everybody drives the conditions of a cell, and its sessions measured."""
+def driven(study, people, value, answer=None, ages=None):
+    """A dataset in which everybody drives the conditions of a cell, and its sessions measured:
+    `value` is a task time or all metrics that are known. A drive is completed unless it says not.
+    """
     offered = cells(study)
     participants, sessions, measured, responses = [], [], [], []
     for number in range(people):
         cell = offered[number % len(offered)]
         who = f"P{number:02d}"
-        participants.append(ParticipantRecord(who, cell=cell.key))
+        age = math.nan if ages is None else ages[number]
+        participants.append(ParticipantRecord(who, cell=cell.key, age=age))
         for place, key in enumerate(cell.conditions):
-            one = SessionRecord(f"{who}-{key}", who, "giraff", condition=key, number=place + 1)
+            known = value(number, study.condition(key).levels, place)
+            known = known if isinstance(known, dict) else {"task_time": known}
+            values = {column.name: math.nan for column in METRICS} | {"completed": 1.0} | known
+            outcome = "completed" if values["completed"] else "timed_out"
+            one = SessionRecord(
+                f"{who}-{key}", who, "giraff", condition=key, number=place + 1, outcome=outcome
+            )
             sessions.append(one)
-            values = {column.name: math.nan for column in METRICS}
-            values["task_time"] = value(number, study.condition(key).levels, place)
             measured.append(Measured(one, Milestones(), values, (), np.empty((0, 2))))
             if answer is not None:
                 said = {"q2": answer(number, study.condition(key).levels)}
@@ -163,11 +171,7 @@ def test_a_mixed_model_finds_the_effect_that_was_planted_and_no_other():
     assert value(table, 0, "Participants") == 32
     assert value(table, 0, "Observations") == 128
     told = {row[1].text: row[2].value for row in coefficients.rows}
-    (df,) = {row[7].value for row in coefficients.rows if row[1].text in ("(intercept)", "help no")}
-    assert df == value(table, 1, "df 2")
-    assert any(
-        "The intercept itself has the larger of the two" in note for note in coefficients.notes
-    )
+    assert value(table, 0, "Difference") == pytest.approx(2.0 * told["delay none"])
     assert told["delay none"] == pytest.approx(-7.5, abs=1.5)
     assert told["SD participants"] == pytest.approx(20.0, rel=0.3)
     assert 0.8 < told["ICC"] < 1.0
@@ -206,6 +210,219 @@ def test_the_papers_study_compares_doors_within_a_robot():
         for contrast in one.contrasts:
             robots = {PAPER.condition(key).robot for key in (*contrast.first, *contrast.second)}
             assert len(robots) == 1
+
+
+def crossing(coding="treatment", **more):
+    model = {"key": "model", "measures": ["task_time"], "test": "mixed"}
+    effects = ["delay", "help", "delay:help"]
+    return study_of({**model, "effects": effects, "coding": coding, **more})
+
+
+def test_a_main_effect_is_the_average_over_the_other_factor_whatever_coding_is_printed():
+    """A pure interaction: delay takes 10 s more alone, and 10 s less with help."""
+    rng = np.random.default_rng(6)
+    noise = rng.normal(0.0, 3.0, (20, 4))
+    keys = [one.key for one in study_of().conditions]
+
+    def time(number, levels, _place):
+        at = keys.index(f"{levels['delay']}_{levels['help']}")
+        return 100.0 + noise[number, at] + (10.0, -10.0, -10.0, 10.0)[at]
+
+    found = {
+        coding: declared(*driven(crossing(coding), 20, time)) for coding in ("treatment", "sum")
+    }
+    for table, _ in found.values():
+        expected = stats.ttest_rel(
+            noise[:, :2].mean(axis=1), noise[:, 2:].mean(axis=1)
+        )  # the planted effects cancel
+        assert value(table, 0, "p") == pytest.approx(expected.pvalue)
+        assert value(table, 0, "Difference") == pytest.approx(
+            (noise[:, :2].mean(axis=1) - noise[:, 2:].mean(axis=1)).mean()
+        )
+        assert value(table, 2, "p") < 0.001
+        assert table.rows[2][table.head.index("Difference")].value is None
+    coefficients = {
+        coding: {row[1].text: row[2].value for row in table.rows}
+        for coding, (_, table) in found.items()
+    }
+    assert coefficients["treatment"]["delay long"] == pytest.approx(-20.0, abs=4.0)
+    assert coefficients["sum"]["delay none"] == pytest.approx(0.0, abs=2.0)
+
+
+def test_covariates_are_in_the_model_and_in_no_family():
+    rng = np.random.default_rng(7)
+    ages = [*rng.integers(20, 60, 23).astype(float), math.nan]
+    study = crossing(effects=["delay"], covariates=["age"])
+    dataset, measured = driven(
+        study,
+        24,
+        lambda n, levels, _: (
+            3.0 * (ages[n] if n < 23 else 40.0) + 5.0 * (levels["delay"] == "long") + rng.normal()
+        ),
+        ages=ages,
+    )
+    table, coefficients = declared(dataset, measured)
+    assert rows(table, "Effect", "Participants", "Remark") == [
+        ("delay", "23", "participants without a covariate: 1"),
+        ("age", "23", "participants without a covariate: 1"),
+    ]
+    assert value(table, 0, "p (Holm)") == value(table, 0, "p")
+    assert value(table, 1, "p (Holm)") is None
+    slope = next(row for row in coefficients.rows if row[1].text == "age")
+    assert slope[2].value == pytest.approx(3.0, abs=0.2)
+
+
+def test_an_answer_of_the_registration_is_a_covariate_with_its_levels():
+    rng = np.random.default_rng(8)
+    study = crossing(effects=["delay"], covariates=["ict.gender", "ict.games"])
+    said = ("woman", "man")
+    dataset, measured = driven(
+        study, 20, lambda n, levels, _: 100.0 + 50.0 * (n % 2) + rng.normal(0.0, 1.0)
+    )
+    registered = tuple(
+        ResponseRecord(f"r{n}", "ict", f"P{n:02d}", {"gender": said[n % 2], "games": n % 5})
+        for n in range(20)
+    )
+    dataset = replace(dataset, responses=registered, questionnaires=questionnaires("ict"))
+    table, coefficients = declared(dataset, measured)
+    assert rows(table, "Effect", "df") == [("delay", "1"), ("ict.gender", "1"), ("ict.games", "1")]
+    assert value(table, 1, "p") < 0.001
+    told = {row[1].text: row[2].value for row in coefficients.rows}
+    assert told["ict.gender man"] == pytest.approx(50.0, abs=2.0)
+    assert told["ict.games"] == pytest.approx(0.0, abs=1.0)
+
+
+def test_between_participants_a_model_has_covariates_as_well():
+    rng = np.random.default_rng(9)
+    ages = rng.integers(20, 60, 40).astype(float)
+    model = {"key": "model", "measures": ["task_time"], "test": "mixed", "effects": ["delay"]}
+    study = study_of({**model, "covariates": ["age"]}, between=("delay", "help"))
+    dataset, measured = driven(
+        study,
+        40,
+        lambda n, levels, _: ages[n] + 6.0 * (levels["delay"] == "long") + rng.normal(),
+        ages=list(ages),
+    )
+    table, _ = declared(dataset, measured)
+    assert value(table, 0, "Observations") == 40
+    assert value(table, 0, "Difference") == pytest.approx(-6.0, abs=1.0)
+    assert value(table, 0, "p") < 0.001
+
+
+def outcome(completed, seconds, stops=3.0):
+    time = {"task_time": seconds} if completed else {}
+    return {
+        "completed": float(completed),
+        "total_time": seconds,
+        "seen": 1.0,
+        "stops": stops,
+        **time,
+    }
+
+
+def test_success_is_a_proportion_that_is_tested_between_and_within():
+    plain = {"measures": ["completed"], "test": "proportions"}
+    pair = {"title": {"en": "a"}, "first": ["long_alone"], "second": ["none_alone"]}
+    study = study_of({"key": "one", "contrasts": [pair], **plain}, {"key": "all", **plain})
+    succeeds = lambda n, levels, _: outcome(levels["delay"] == "none" or n % 2 == 0, 100.0)
+    one, every = declared(*driven(study, 24, succeeds))
+    assert rows(one, "Test", "n tested", "first: mean", "second: mean") == [
+        ("McNemar mid-p", "24", "0.500", "1.000")
+    ]
+    assert value(one, 0, "Difference") == pytest.approx(-0.5)
+    assert rows(every, "Contrast", "Test") == [("all", "Cochran Q")]
+    between = study_of({"key": "one", "contrasts": [pair], **plain}, between=("delay", "help"))
+    (table,) = declared(*driven(between, 40, succeeds))
+    assert rows(table, "Test", "n tested") == [("N−1 χ²", "20")]
+
+
+def test_success_on_sides_of_several_conditions_is_a_logistic_regression_by_participants():
+    study = study_of(
+        {"key": "d", "measures": ["completed"], "test": "proportions", "contrasts": [CONTRAST]}
+    )
+    rng = np.random.default_rng(10)
+    chance = {"none": 0.9, "long": 0.5}
+    (table,) = declared(
+        *driven(
+            study, 30, lambda n, levels, _: outcome(rng.random() < chance[levels["delay"]], 100.0)
+        )
+    )
+    assert rows(table, "Test", "Effect", "n tested") == [("score F (logistic)", "odds ratio", "30")]
+    assert value(table, 0, "Size") < 1.0
+    assert value(table, 0, "p") < 0.05
+
+
+def test_times_that_never_came_are_censored():
+    study = study_of(
+        {"key": "d", "measures": ["task_time"], "test": "times", "contrasts": [CONTRAST]},
+        between=("delay", "help"),
+    )
+    rng = np.random.default_rng(12)
+
+    def drive(_number, levels, _place):
+        seconds = rng.exponential(100.0 if levels["delay"] == "none" else 400.0)
+        return outcome(seconds < 300.0, min(seconds, 300.0))
+
+    (table,) = declared(*driven(study, 60, drive))
+    assert rows(table, "Test", "Effect", "n tested") == [("log-rank χ²", "hazard ratio", "60")]
+    assert value(table, 0, "p") < 0.01
+    assert value(table, 0, "Size") > 1.0  # times of the first side are longer
+    assert value(table, 0, "first: mean") is None
+    assert value(table, 0, "second: median") == pytest.approx(70.0, abs=35.0)
+
+
+def test_stops_of_a_session_that_was_cut_short_are_a_rate():
+    study = study_of(
+        {"key": "d", "measures": ["stops"], "test": "counts", "contrasts": [CONTRAST]},
+        {"key": "m", "measures": ["stops"], "contrasts": [CONTRAST]},
+    )
+
+    def drive(number, levels, _place):
+        more = number % 3 - 1.0
+        if levels["delay"] == "long":  # cut short after one minute instead of five
+            return outcome(completed=False, seconds=60.0, stops=2.0 + more)
+        return outcome(completed=True, seconds=300.0, stops=10.0 + 3.0 * more)
+
+    counts, means = declared(*driven(study, 24, drive))
+    assert value(counts, 0, "Size") == pytest.approx(1.0)
+    assert value(counts, 0, "p") > 0.05
+    assert any("per minute" in note for note in counts.notes)
+    assert value(means, 0, "first: mean") == pytest.approx(2.0)
+    assert value(means, 0, "second: mean") == pytest.approx(2.0)
+    assert any("per minute" in note for note in means.notes)
+
+
+def test_a_model_of_counts_has_the_effects_of_its_factors():
+    study = study_of(
+        {"key": "c", "measures": ["stops"], "test": "counts", "effects": ["delay", "help"]}
+    )
+    rng = np.random.default_rng(14)
+    (table, coefficients) = declared(
+        *driven(
+            study,
+            24,
+            lambda n, levels, _: outcome(
+                True, 120.0, rng.poisson(8.0 if levels["delay"] == "long" else 4.0)
+            ),
+        )
+    )
+    assert rows(table, "Effect", "Test") == [
+        ("delay", "score F (Poisson)"),
+        ("help", "score F (Poisson)"),
+    ]
+    assert value(table, 0, "Difference") == pytest.approx(-math.log(2.0), abs=0.3)
+    assert value(table, 0, "p (Holm)") < 0.001
+    assert coefficients.rows[0][1].text == "(intercept)"
+
+
+def test_a_test_that_is_not_for_a_measure_says_so():
+    study = study_of(
+        {"key": "d", "measures": ["speed"], "test": "counts", "contrasts": [CONTRAST]},
+        {"key": "m", "measures": ["stops"], "test": "times", "effects": ["delay"]},
+    )
+    contrast, model, _ = declared(*driven(study, 12, lambda *_: outcome(True, 100.0)))
+    assert rows(contrast, "Remark") == [("not one of counts",)]
+    assert rows(model, "Remark") == [("not one of times",)]
 
 
 def test_a_study_without_declared_analyses_has_none_of_these_tables():

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import Dataset, SessionRecord
 from experiments.analysis.metrics.definitions import METRICS
 from experiments.analysis.metrics.milestones import Milestones
 from experiments.analysis.metrics.sessions import Measured, measure_all
@@ -23,6 +22,7 @@ from experiments.analysis.tables.effects import (
     learnt,
     outcomes_by_condition,
 )
+from experiments.dataset.records import Dataset, SessionRecord
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up
 
@@ -38,9 +38,11 @@ def measured(who, condition="", number=1, outcome="completed", **values):
         "giraff",
         condition=condition,
         number=number,
+        visit=number,
         outcome=outcome,
     )
     nothing = {column.name: math.nan for column in METRICS}
+    nothing |= {"completed": float(outcome == "completed"), "total_time": 60.0, "seen": 1.0}
     return Measured(session, Milestones(), nothing | values, (), np.empty((0, 2)))
 
 
@@ -129,7 +131,7 @@ def test_delay_that_makes_tasks_longer_is_found_among_relations_that_are_none():
         cell(table, line, "Size: from") < cell(table, line, "Size") < cell(table, line, "Size: to")
     )
     assert (cell(table, line, "n tested"), cell(table, line, "df")) == (40, 38)
-    assert cell(table, row(table, "loss", "stops"), "p (Holm)") > 0.05
+    assert cell(table, row(table, "loss", "stops per min"), "p (Holm)") > 0.05
 
 
 def test_every_session_with_a_known_delay_falls_into_one_class():
@@ -147,16 +149,16 @@ def test_what_visitors_learn_is_the_difference_of_the_same_visitors():
     rng = np.random.default_rng(37)
     first = rng.normal(100.0, 20.0, 15)
     second = first - rng.normal(10.0, 2.0, 15)
-    own = [measured(f"P{n}", number=1, total_time=first[n]) for n in range(15)] + [
-        measured(f"P{n}", number=2, total_time=second[n]) for n in range(12)
+    own = [measured(f"P{n}", number=1, efficiency=first[n]) for n in range(15)] + [
+        measured(f"P{n}", number=2, efficiency=second[n]) for n in range(12)
     ]
     table = learnt(own)
-    line = row(table, "total_time")
+    line = row(table, "efficiency")
     assert cell(table, line, "Difference") == pytest.approx((second - first)[:12].mean())
     assert cell(table, line, "p (Holm)") < 0.001
     assert (cell(table, line, "n tested"), cell(table, line, "second: n")) == (12, 12)
     sessions = learning(own)
-    assert cell(sessions, row(sessions, "session", "2"), "Sessions") == 12
+    assert cell(sessions, row(sessions, "visit", "2"), "Sessions") == 12
 
 
 def test_a_row_says_test_pairs_freedom_effect_and_both_intervals():
@@ -197,9 +199,9 @@ def test_metrics_with_the_same_values_are_one_member_of_the_family():
     for n in range(20):
         time = rng.normal(100.0 + 9.0 * (n % 2), 10.0)
         own.append(
-            measured(f"P{n}", keys[n % 2], total_time=time, task_time=time, speed=rng.normal())
+            measured(f"P{n}", keys[n % 2], efficiency=time, moving_speed=time, speed=rng.normal())
         )
-    table = compare_conditions(Dataset(PAIR), own, ("total_time", "task_time", "speed"))
+    table = compare_conditions(Dataset(PAIR), own, ("efficiency", "moving_speed", "speed"))
     first, second, third = table.rows
     assert cell(table, first, "p (Holm)") == cell(table, second, "p (Holm)")
     smaller = min(cell(table, first, "p"), cell(table, third, "p"))
@@ -230,3 +232,39 @@ def test_sessions_without_a_condition_are_in_the_whole_and_in_no_group():
         [replace(measured("P"), session=SessionRecord("s", "P", "giraff", outcome="completed"))],
     )
     assert [one[0].text for one in table.rows] == ["all"]
+
+
+def drive(who, condition, *, completed, seconds, **values):
+    time = {"task_time": seconds} if completed else {}
+    outcome = "completed" if completed else "timed_out"
+    return measured(who, condition, outcome=outcome, total_time=seconds, **time, **values)
+
+
+def test_drives_that_were_cut_short_are_not_averaged_as_if_complete():
+    """In the second condition half of the participants leave after a minute; no more differs."""
+    rng = np.random.default_rng(42)
+    keys = [one.key for one in PAIR.conditions]
+    own = []
+    for n in range(48):
+        is_cut = n % 2 == 1 and n % 4 == 1
+        seconds = 60.0 if is_cut else 300.0 + rng.normal(0.0, 20.0)
+        counted = {"stops": rng.poisson(seconds / 30.0), "path": seconds / 10.0}
+        own.append(drive(f"P{n}", keys[n % 2], completed=not is_cut, seconds=seconds, **counted))
+    table = compare_conditions(Dataset(PAIR), own, ("completed", "task_time", "stops", "path"))
+    tests = {one[0].text: one[table.head.index("Test")].text for one in table.rows}
+    assert tests == {
+        "completed": "N−1 χ²",
+        "task_time": "log-rank χ²",
+        "stops per min": "score F (Poisson)",
+        "path (completed)": "Welch t",
+    }
+    assert cell(table, row(table, "completed"), f"{keys[1]}: mean") == pytest.approx(0.5)
+    assert cell(table, row(table, "completed"), "p") < 0.001
+    stops = row(table, "stops per min")
+    assert cell(table, stops, f"{keys[1]}: mean") == pytest.approx(2.0, abs=0.5)
+    assert cell(table, stops, "p") > 0.05
+    assert cell(table, row(table, "path (completed)"), f"{keys[1]}: n") == 12
+    times = row(table, "task_time")
+    assert cell(table, times, f"{keys[1]}: n") == 24
+    assert cell(table, times, f"{keys[1]}: mean") is None
+    assert cell(table, times, f"{keys[1]}: median") > 290.0

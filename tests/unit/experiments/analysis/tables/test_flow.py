@@ -6,132 +6,136 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.records import (
-    Dataset,
-    PageRecord,
-    ParticipantRecord,
-    ResponseRecord,
-    SessionRecord,
-)
 from experiments.analysis.metrics.sessions import measure_all
 from experiments.analysis.report import reports
-from experiments.analysis.tables.flow import FLOW, fault_sides, flow, funnel
+from experiments.analysis.tables.flow import FLOW, STILL_THERE, fault_sides, flow, funnel, orders
+from experiments.dataset.counting import counting
+from experiments.dataset.records import Dataset, PageRecord, ParticipantRecord
 from experiments.definition.shipped import shipped
+from tests.support.analysis.every_ending import drive, every_ending
+from tests.support.analysis.planned import plan_with
 from tests.support.analysis.study_dataset import made_up
 
 STUDY = shipped()["exploration"]
 
 
-def people():
-    """One participant for each place at which one can leave."""
-    return Dataset(
-        STUDY,
-        participants=(
-            ParticipantRecord("declined", left="declined"),
-            ParticipantRecord("withdrawn", cell="a", withdrawn=True),
-            ParticipantRecord("refused", cell="a", left="connection refused"),
-            ParticipantRecord("silent", cell="a"),
-            ParticipantRecord("done", cell="b", finished=True),
-        ),
-        sessions=(
-            SessionRecord("s1", "refused", "giraff", outcome="connection_refused"),
-            SessionRecord("s2", "silent", "giraff", outcome="timed_out", first_motion=3.0),
-            SessionRecord("s3", "done", "giraff", outcome="cancelled", first_motion=3.0),
-            SessionRecord("s4", "done", "giraff", number=2, outcome="completed", first_motion=3.0),
-        ),
-        responses=(ResponseRecord("r", "experience", "done", {"q1": 1}, session="s3"),),
-    )
+def flow_of(dataset):
+    return flow(counting(dataset))
 
 
-def lines(table, cell):
+def lines(table, cell="all"):
     return [
         (row[1].text or row[2].text, int(row[3].value)) for row in table.rows if row[0].text == cell
     ]
 
 
-def test_every_line_is_the_one_above_less_those_who_are_named_between():
-    for dataset in (people(), platform_faults().chosen(), made_up(np.random.default_rng(41), 40)):
+DATASETS = {
+    "every ending": every_ending(),
+    "excluded": every_ending(plan_with(incomplete="answers")),
+    "made up": made_up(np.random.default_rng(41), 40),
+}
+
+
+@pytest.mark.parametrize("dataset", DATASETS.values(), ids=list(DATASETS))
+def test_every_line_is_the_one_above_less_those_who_are_named_between(dataset):
+    table = flow_of(dataset)
+    for cell in dict.fromkeys(row[0].text for row in table.rows):
         left = None
-        for label, number in lines(flow(dataset), "all"):
+        for label, number in lines(table, cell):
             if label in FLOW:
                 assert left is None or number == left
                 left = number
-            elif label.startswith(("left: ", "excluded: ")):
+            elif left is not None and label.startswith(("left: ", "excluded: ")):
                 left -= number
-        assert left == lines(flow(dataset), "all")[-1][1]
 
 
-def platform_faults():
-    """The people above, one of whom was ended by the platform in the only drive, another in one of
-    two.
-    """
-    found = people()
-    ended = {"fault_side": "platform", "outcome": "connection_lost"}
-    sessions = [
-        replace(one, **ended, fault_part="web_process") if one.id == "s2" else one
-        for one in found.sessions
-    ]
-    sessions[2] = replace(sessions[2], **ended, fault_part="session_manager")
-    sessions[0] = replace(sessions[0], fault_side="network")
-    return replace(found, sessions=tuple(sessions))
+def test_each_participant_is_at_the_last_stage_that_they_reached():
+    table = flow_of(every_ending())
+    assert {stage: dict(lines(table))[stage] for stage in FLOW} == {
+        "arrived": 12,
+        "assigned": 11,
+        "exposed": 10,
+        "drove": 9,
+        "ended": 8,
+        "counted": 5,
+        "answered": 5,
+    }
+    found = dict(lines(table))
+    assert found["left: declined"] == 1
+    assert found["left: withdrew"] == 1
+    assert found["excluded: platform fault: web process away"] == 1
+    assert found["excluded: researcher's decision"] == 1
+
+
+def test_a_participant_who_finished_and_then_withdrew_was_exposed_and_ended():
+    rows = [row[2].text or row[1].text for row in flow_of(every_ending()).rows]
+    assert rows.index("left: withdrew") > rows.index("ended")
+
+
+def test_a_withdrawal_before_exposure_is_a_loss_before_exposure():
+    early = ParticipantRecord("w", cell="shut", stage="assigned", withdrawn=True)
+    dataset = replace(every_ending(), participants=(early,), sessions=(), responses=())
+    rows = [row[2].text or row[1].text for row in flow_of(dataset).rows]
+    assert rows.index("assigned") < rows.index("left: withdrew") < rows.index("exposed")
+
+
+def test_participants_are_in_the_condition_that_was_drawn_first():
+    table = flow_of(every_ending())
+    assert dict(lines(table, "shut"))["among them: drawn anew"] == 1
+    assert dict(lines(table, "all_open"))["among them: replaced by another participant"] == 1
+    assert "among them: drawn anew" not in dict(lines(table, "all_open"))
+    assigned = [dict(lines(table, cell))["assigned"] for cell in ("shut", "all_open")]
+    assert assigned == [8, 3]
+
+
+def test_no_finisher_is_said_not_to_have_continued():
+    dataset = every_ending()
+    finished = [one for one in dataset.participants if one.finished]
+    table = flow_of(replace(dataset, participants=tuple(finished)))
+    assert not [label for label, _ in lines(table) if STILL_THERE in label]
+    assert dict(lines(table))["left: finished without a drive"] == 1
 
 
 def test_what_the_platform_ended_counts_nowhere_and_the_flow_says_how_often_and_why():
-    dataset = platform_faults().chosen()
-    assert [one.id for one in dataset.sessions] == ["s1", "s4"]
-    assert [one.id for one in dataset.ruled_out] == ["s2", "s3"]
-    assert dataset.responses == (), "an answer about a drive that does not count"
-    table = flow(dataset)
-    found = dict(lines(table, "all"))
-    assert [found[stage] for stage in FLOW] == [5, 4, 2, 1, 0]
-    assert found["excluded: platform fault: web process away"] == 1
-    assert found["first task: completed"] == 1
-    below = " ".join(table.notes)
-    assert "1 session (platform fault: web process away)" in below
-    assert "1 session (platform fault: session manager away)" in below
-    row = next(row for row in table.rows if row[2].text.startswith("excluded: "))
-    assert row[3].sessions == ("s2",)
-
-
-def test_the_table_of_exclusions_has_them_too_and_no_number_is_made_of_them():
-    (found,) = reports(platform_faults())
-    quality = next(table for table in found.tables if table.name == "quality")
-    excluded = {row[1].text: row[2] for row in quality.rows if row[0].text == "excluded by rule"}
-    assert {reason: cell.sessions for reason, cell in excluded.items()} == {
-        "platform fault: web process away": ("s2",),
-        "platform fault: session manager away": ("s3",),
-    }
-    assert [one.session.id for one in found.measured] == ["s1", "s4"]
-    sessions = next(table for table in found.tables if table.name == "sessions")
-    assert [row[0].text for row in sessions.rows] == ["s1", "s4"]
+    found = counting(every_ending())
+    assert "1 session (platform fault: web process away)" in " ".join(flow(found).notes)
+    row = next(row for row in flow(found).rows if row[2].text.startswith("excluded: platform"))
+    assert row[3].sessions == ("fault-1",)
+    (report, _) = reports(every_ending())
+    quality = next(table for table in report.tables if table.name == "quality")
+    uncounted = {row[1].text: row[2].sessions for row in quality.rows if "not" in row[0].text}
+    assert uncounted["platform fault: web process away"] == ("fault-1",)
+    assert uncounted["a visitor looked on"] == ("visitor-1",)
 
 
 def test_sessions_that_were_not_completed_stand_by_outcome_and_side():
-    table = fault_sides(platform_faults().chosen())
-    assert [([cell.text for cell in row], row[2].sessions) for row in table.rows] == [
-        (["connection lost", "platform", "2"], ("s2", "s3")),
-        (["connection refused", "network", "1"], ("s1",)),
-    ]
+    rows = {
+        (row[0].text, row[1].text): row[2].sessions
+        for row in fault_sides(counting(every_ending())).rows
+    }
+    assert rows["connection lost", "platform"] == ("fault-1",)
+    assert rows["robot fault", "robot"] == ("replaced-1",)
+    assert rows["timed out", "nobody"] == ("late-1",)
 
 
-def test_assigned_exposed_ended_and_answered_are_four_facts():
-    found = dict(lines(flow(people()), "all"))
-    assert [found[stage] for stage in FLOW] == [5, 4, 2, 2, 1]
-    assert found["left: declined"] == 1
-    assert found["left: withdrew"] == 1
-    assert found["left: connection refused"] == 1
-    assert found["left: not continued (yet)"] == 1
+def test_outcomes_are_those_of_the_first_tasks_that_were_driven():
+    found = dict(lines(flow_of(every_ending())))
+    assert found["first task: timed out"] == found["first task: robot fault"] == 1
+    assert "first task: cancelled" not in found
 
 
-def test_outcomes_are_those_of_first_tasks():
-    found = dict(lines(flow(people()), "all"))
-    assert found["first task: cancelled"] == found["first task: timed out"] == 1
-    assert "first task: completed" not in found
-
-
-def test_every_cell_has_a_flow_of_its_own():
-    assert dict(lines(flow(people()), "a"))["assigned"] == 3
-    assert dict(lines(flow(people()), "b"))["answered"] == 1
+def test_orders_show_how_many_had_each_and_how_many_were_complete():
+    study = shipped()["assistance"]
+    first, second = (one.key for one in study.conditions[:2])
+    order = f"{first}-{second}"
+    dataset = Dataset(
+        study,
+        participants=tuple(ParticipantRecord(who, cell=order) for who in ("a", "b", "c")),
+        sessions=(drive("a", first, id="a1"), drive("a", second, id="a2"), drive("b", first)),
+    )
+    (row,) = orders(counting(dataset)).rows
+    assert [cell.text for cell in row] == [order, "3", "2", "1"]
+    assert orders(counting(every_ending())).rows == ()
 
 
 def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
@@ -147,6 +151,11 @@ def test_the_funnel_counts_who_came_who_went_on_and_how_long_it_took():
     assert found["link"] == [3, 2, 1, 3.0]
     assert found["Consent"] == [2, 1, 1, 30.0]
     assert found["docked"] == [0, 0, 0, None]
+
+
+def test_who_arrives_at_the_last_page_has_gone_on():
+    (last,) = (row for row in funnel(counting(every_ending()), []).rows if row[0].text == "Bye")
+    assert (last[1].value, last[2].value, last[3].value) == (5, 5, 0)
 
 
 @pytest.mark.slow

@@ -10,12 +10,6 @@ import pandas
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import (
-    Dataset,
-    ParticipantRecord,
-    ResponseRecord,
-    SessionRecord,
-)
 from experiments.analysis.documents.latex import as_latex
 from experiments.analysis.tables.paper_tables import lines_of, table_1, table_3, table_4, table_5
 from experiments.analysis.tables.people import participants_table, table_2
@@ -27,6 +21,12 @@ from experiments.analysis.tables.table import (
     number,
     probability,
     words,
+)
+from experiments.dataset.records import (
+    Dataset,
+    ParticipantRecord,
+    ResponseRecord,
+    SessionRecord,
 )
 from experiments.definition.shipped import shipped
 from tests.support.analysis.study_dataset import made_up, questionnaires
@@ -123,7 +123,6 @@ def table_5_of_scores(scores, interval):
         sd,
         half_width(sd, n, 0.95, interval),
         half_width(sd, n, 0.99, interval),
-        None,
         None,
     )
 

@@ -6,10 +6,11 @@ import msgspec
 import numpy as np
 import pytest
 
-from experiments.analysis.dataset.columns import STATES
-from experiments.analysis.dataset.records import Dataset, SessionRecord, columns_of
 from experiments.analysis.metrics.sessions import measure
-from experiments.analysis.tables.safety_limits import safety_limits
+from experiments.analysis.tables.delays import safety_limits
+from experiments.dataset.columns import columns_of
+from experiments.dataset.records import Dataset, SessionRecord
+from experiments.dataset.states import STATES
 from experiments.definition.schema import Impairment, Network
 from experiments.definition.shipped import shipped
 

@@ -9,20 +9,21 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from experiments.analysis.dataset.records import (
+from experiments.analysis.documents.latex import as_latex
+from experiments.analysis.figures.drawing import as_svg
+from experiments.analysis.metrics.sessions import measure_all
+from experiments.analysis.report import report
+from experiments.analysis.statistics.internal_consistency import cronbach, mcdonald
+from experiments.analysis.tables.measures import StudyMeasures
+from experiments.analysis.tables.paper_tables import table_4, table_5
+from experiments.analysis.tables.scale_reliability import reliability_table
+from experiments.analysis.tables.scores import score_tables
+from experiments.dataset.records import (
     Dataset,
     ResponseRecord,
     RobotRecord,
     SessionRecord,
 )
-from experiments.analysis.documents.latex import as_latex
-from experiments.analysis.figures.drawing import as_svg
-from experiments.analysis.report import report
-from experiments.analysis.statistics.internal_consistency import cronbach, mcdonald
-from experiments.analysis.tables.declared import Data
-from experiments.analysis.tables.paper_tables import table_4, table_5
-from experiments.analysis.tables.scale_reliability import reliability_table
-from experiments.analysis.tables.scores import score_tables
 from experiments.definition.schema import StudyDefinition
 from experiments.definition.shipped import shipped
 from experiments.research.analysis_topics import topic_of
@@ -124,7 +125,8 @@ def dataset_of(study, *, robots=("giraff", "giraff"), questionnaire=None, hidden
 @functools.cache
 def printed():
     dataset = dataset_of(study_of())
-    found = report("all", dataset, [])
+    measured = {one.session.id: one for one in measure_all(dataset)}
+    found = report(dataset, measured, dataset)
     return dataset, {table.name: table for table in found.tables}, found.figures
 
 
@@ -330,12 +332,12 @@ def test_table_5_counts_reversed_statements_from_the_other_end_and_says_so():
 
 def test_a_declared_analysis_measures_the_score_and_no_whole_that_is_not_one_scale():
     dataset, _, _ = printed()
-    data = Data(dataset, [])
-    values, _ids = data.of("sus.overall", "alone")
+    data = StudyMeasures(dataset, [])
+    values = data.means("sus.overall", "alone").values
     assert sorted(values.values()) == sorted(sus_scores(dataset, "alone"))
-    assert data.is_known("tlx.overall")
-    assert data.is_known("impression.liking")
-    assert not data.is_known("impression.overall")
-    reversed_, _ids = data.of("impression.rude", "alone")
+    assert data.unknown("means", "tlx.overall") == ""
+    assert data.unknown("means", "impression.liking") == ""
+    assert data.unknown("means", "impression.overall") == "no such measure"
+    reversed_ = data.means("impression.rude", "alone").values
     raw = {one.participant: one.values["rude"] for one in dataset.responses[2::6]}
     assert reversed_ == {who: 6 - value for who, value in raw.items()}

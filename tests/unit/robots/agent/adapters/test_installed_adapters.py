@@ -81,7 +81,7 @@ def test_a_profile_may_have_a_table_for_an_installed_adapter(site, tmp_path) -> 
     assert registry.create("moos", str(file)).profile.series == "giraff"
 
 
-def test_whoever_names_no_adapter_is_told_the_installed_ones_too(site, tmp_path) -> None:
+def test_error_without_an_adapter_lists_installed_ones(site, tmp_path) -> None:
     install(site, "stranger-robots", "stranger")
     parser = argparse.ArgumentParser()
     add_arguments(parser)

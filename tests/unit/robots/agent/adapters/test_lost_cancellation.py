@@ -40,12 +40,12 @@ async def test_a_task_that_forgot_its_end_is_ended_again(adapter):
     adapter._run(work())
     await forgetful.publishing.wait()
     async with asyncio.timeout(5.0):
-        await adapter._let_go("closed")
+        await adapter._disconnect("closed")
     assert not adapter._tasks
 
 
 @on_virtual_time
-async def test_what_sends_to_the_broker_ends_though_its_cancellation_was_forgotten(adapter):
+async def test_sender_to_the_broker_ends_after_a_forgotten_cancellation(adapter):
     forgetful = Forgetful()
     adapter._failure = ""
     sending = asyncio.ensure_future(adapter._send(forgetful))

@@ -28,7 +28,7 @@ FORWARD = Velocity(linear=0.3, angular=0.0)
 
 
 class Node:
-    """A navigation process that answers when it is told to."""
+    """A navigation process that answers on request of the test."""
 
     def __init__(self):
         self.said, self.answer = [], None
@@ -78,10 +78,10 @@ async def test_cancel_ends_an_action_at_once_although_its_process_goes_on():
     starting = await started(adapter)
     adapter.node.answer.set_result(None)
     await starting
-    adapter._think(output(FORWARD))
+    adapter._take_output(output(FORWARD))
     assert adapter.wanted() == FORWARD
     assert await adapter.cancel("g") is True
-    adapter._think(output(FORWARD))
+    adapter._take_output(output(FORWARD))
     assert adapter.wanted() is None
     assert wire.CancelAction("g") in adapter.node.said
 
@@ -94,7 +94,7 @@ async def test_an_action_that_is_cancelled_while_its_process_is_asked_never_move
     adapter.node.answer.set_result(None)
     with pytest.raises(ActionRefusedError, match="cancelled before it began"):
         await starting
-    adapter._think(output(FORWARD))
+    adapter._take_output(output(FORWARD))
     assert adapter.wanted() is None
     assert adapter.node.said == [wire.CancelAction("g")]
 
@@ -112,7 +112,7 @@ async def test_an_action_that_the_process_begins_after_the_time_out_never_moves(
         starting.cancel()
         with pytest.raises(asyncio.CancelledError):
             await starting
-    adapter._think(output(FORWARD))
+    adapter._take_output(output(FORWARD))
     assert adapter.wanted() is None
     assert adapter.node.said == [wire.CancelAction("g")]
     assert await adapter.cancel("g") is True
@@ -126,7 +126,7 @@ async def test_a_second_action_is_refused_and_does_not_replace_the_first():
     await starting
     with pytest.raises(ActionRefusedError, match="another action still runs"):
         await adapter.start(Goto(action_id="h", stamp=0.0, x=2.0, y=1.0))
-    adapter._think(output(FORWARD))
+    adapter._take_output(output(FORWARD))
     assert adapter.wanted() == FORWARD
 
 

@@ -139,7 +139,7 @@ def test_a_thought_survives_the_wire():
     )
 
 
-def test_what_is_no_message_is_refused():
+def test_invalid_message_is_refused():
     with pytest.raises(framing.WireError):
         frames(bytearray(b"\x00\x00\x00\x02{}"))
     with pytest.raises(framing.WireError):

@@ -2,6 +2,8 @@
 and for every fault.
 """
 
+from dataclasses import replace
+
 import pytest
 
 from robots.agent.ramp import ZERO
@@ -98,6 +100,7 @@ def test_architecture_that_ignores_every_cancel_is_braked_and_reported(rig, wait
 
 def test_action_that_is_accepted_after_its_failure_was_reported_is_cancelled(rig):
     rig.robot.hanging = True
+    rig.lease(renewal=5, ttl=60.0)
     rig.act(own(m.Goto, x=1.0, y=1.0))
     beat_for(rig, 12.0)
     rig.status("a1", "FAILED")
@@ -117,6 +120,20 @@ def test_action_that_was_refused_is_not_cancelled(rig):
     rig.sleep(2.0)
     assert rig.robot.cancelled == []
     rig.drive(0.3)
+
+
+@pytest.mark.parametrize("action", [m.Goto, m.Dock])
+def test_action_waits_for_rest_that_was_measured_and_not_only_repeated(rig, action):
+    rig.drive(0.3)
+    rig.sleep(0.1)
+    rig.robot.reading = replace(rig.robot.reading, is_measured=False)
+    rig.act(own(action, **({"x": 1.0, "y": 1.0} if action is m.Goto else {})))
+    beat_for(rig, 2.0)
+    assert rig.robot.started == []
+    assert rig.robot.told == ZERO
+    assert rig.now() - rig.robot.velocities()[-1][0] < 0.1, "zeros are still sent"
+    rig.robot.reading = replace(rig.robot.reading, is_measured=True)
+    rig.wait(lambda: rig.robot.started)
 
 
 def test_new_goal_waits_for_the_end_of_the_one_before(rig):

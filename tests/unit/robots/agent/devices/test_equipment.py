@@ -55,7 +55,7 @@ def test_without_a_camera_nothing_is_said_of_one(giraff):
     assert sheet.camera is None
 
 
-def test_what_the_architecture_has_is_taken_unless_it_is_said_otherwise():
+def test_devices_of_the_architecture_are_the_default():
     simulated = registry.create("simulator", "giraff")
     assert equipped(simulated)[0].video is simulated.video()
     assert equipped(simulated)[0].outputs == (simulated.speaker(), simulated.display())

@@ -39,7 +39,7 @@ def test_names_with_blanks_and_colons_are_the_devices_own():
     assert read("alsa:hw:1,0", "microphone") == DeviceSetting("hw:1,0", "alsa")
 
 
-def test_what_is_played_and_what_is_drawn_is_not_live():
+def test_files_and_generators_are_not_live():
     assert not read("talk.mp4", "microphone").live
     assert not read("lavfi:testsrc=size=320x240", "camera").live
 
@@ -57,7 +57,7 @@ def test_what_is_played_and_what_is_drawn_is_not_live():
         ("v4l2:/dev/video0", "loudspeaker"),
     ],
 )
-def test_what_cannot_be_is_said_in_a_sentence(words, kind):
+def test_wrong_device_settings_are_refused_with_a_sentence(words, kind):
     with pytest.raises(DeviceSettingError, match=f"^the {kind} |is not a {kind}: "):
         read(words, kind)
 
@@ -72,5 +72,5 @@ def test_what_cannot_be_is_said_in_a_sentence(words, kind):
         ("talk.mp4", "talk.mp4"),
     ],
 )
-def test_what_a_sentence_calls_a_device_has_no_password_in_it(words, place):
+def test_device_name_in_sentences_has_no_password(words, place):
     assert read(words, "camera").place == place

@@ -109,8 +109,8 @@ def test_a_command_that_the_network_has_made_too_old_is_refused_as_ever(rig):
     assert rig.robot.told == ZERO
 
 
-def test_what_was_under_way_when_the_driver_stopped_moves_nothing_any_more(rig):
-    # so long that the stop is said meanwhile also by a driver who is held up
+def test_delayed_velocities_move_nothing_after_a_stop(rig):
+    # long enough for the stop of a driver who is held up
     impaired(rig, m.NetworkLab(delay=0.8))
     for _ in range(4):
         rig.push(0.5)
@@ -169,7 +169,7 @@ def test_the_pictures_network_is_handed_to_the_media_side_and_reported_by_it(rig
     rig.link.wait("state", lambda s: s.video_network is None, since=since)
 
 
-def test_what_the_command_line_says_holds_for_every_driver(tmp_path):
+def test_networks_of_the_command_line_hold_for_every_driver(tmp_path):
     lab = m.NetworkLab(delay=0.1, seed=3)
     with ControlRig(tmp_path, networks=Networks(lab, None)) as rig:
         assert rig.link.wait("state").control_network is None, "nobody drives yet"

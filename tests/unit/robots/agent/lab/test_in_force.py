@@ -62,7 +62,7 @@ def test_the_drivers_commands_travel_on_the_drivers_network_on_both_ways(message
 @pytest.mark.parametrize(
     "message", [m.Stop(**DRIVERS, seq=2), m.EStop(**DRIVERS), m.Cancel(**DRIVERS)]
 )
-def test_what_stops_a_robot_never_does(message, sender):
+def test_stops_are_never_held(message, sender):
     assert not is_held(message, sender, LEASE)
 
 
@@ -82,9 +82,9 @@ def test_what_stops_a_robot_never_does(message, sender):
         (m.Goto(**DRIVERS, x=0.0, y=0.0), CommandSender("datachannel", "p2")),
     ],
 )
-def test_what_others_send_is_left_alone(message, sender):
+def test_messages_of_others_are_not_held(message, sender):
     assert not is_held(message, sender, LEASE)
 
 
-def test_nothing_is_held_while_nobody_drives():
+def test_no_message_is_held_without_a_driver():
     assert not is_held(VELOCITY, CommandSender("datachannel", "p1"), None)

@@ -44,7 +44,7 @@ def test_the_slope_points_away_from_the_wall() -> None:
     assert (slope_x[0], slope_y[0]) == pytest.approx((1.0, 0.0), abs=1e-6)
 
 
-def test_what_lies_off_the_map_is_far_from_everything() -> None:
+def test_points_off_the_map_are_far_from_everything() -> None:
     far = np.array([-5.0, 50.0])
     assert (FIELD.distances(far, far)[0] > 0.9).all()
     assert not FIELD.is_free(far, far).any()

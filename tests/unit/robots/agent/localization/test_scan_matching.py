@@ -43,7 +43,7 @@ def test_a_pose_beside_the_truth_slides_onto_it() -> None:
     assert np.abs(left[:, 2]).max() < math.radians(0.5)
 
 
-def test_what_is_not_on_the_map_bends_nothing() -> None:
+def test_unmapped_points_do_not_bend_the_match() -> None:
     crowded = ROOM.replace("#..............#", "#.....~..~.....#", 2)
     left = matched(ROOM, crowded, Pose2D(1.3, 0.7, 0.4), OFF)
     assert np.abs(left[:, :2]).max() < 0.03

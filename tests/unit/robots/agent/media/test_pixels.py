@@ -35,6 +35,6 @@ def test_a_photo_is_taken_of_both_formats() -> None:
         Frame(np.zeros((719, 640), np.uint8), 1.0, "yuv420p"),
     ],
 )
-def test_what_is_not_what_it_says_is_refused(frame: Frame) -> None:
+def test_image_that_does_not_match_its_format_is_refused(frame: Frame) -> None:
     with pytest.raises(ValueError):
         video_frame(frame)

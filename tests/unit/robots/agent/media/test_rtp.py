@@ -148,7 +148,7 @@ def test_without_a_retransmission_stream_the_packet_is_sent_again_as_it_was() ->
     assert stream.retransmission(100, NOW) == sent
 
 
-def test_what_is_too_old_is_not_sent_again() -> None:
+def test_old_packets_are_not_sent_again() -> None:
     stream = RtpStream(ssrc=5, payload_type=97, sequence=0)
     for _ in range(HISTORY + 1):
         stream.packets((b"x",), 1, NOW)

@@ -230,13 +230,13 @@ def test_the_deadline_names_the_moment_of_the_deadman_and_then_nothing(bench):
 
 def test_a_driver_who_was_never_heard_is_not_taken_for_one_who_is_there(bench):
     bench.run(0.2)
-    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.kernel.heartbeat("p1", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now) == 0.0
     bench.lease(session="s2", epoch=2, peer="p2")
     assert bench.kernel.visitor_silence(bench.now) is None
-    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.kernel.heartbeat("p1", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now) is None, "nobody else's word counts"
-    bench.kernel.heard("p2", "datachannel", bench.now)
+    bench.kernel.heartbeat("p2", "datachannel", bench.now)
     assert bench.kernel.visitor_silence(bench.now + 0.5) == pytest.approx(0.5)
 
 
@@ -298,6 +298,32 @@ def test_navigation_of_the_rca_that_exceeds_the_limits_is_ended(bench, motion, i
     bench.run(0.2)
     ended = [("g1", "too_fast")] if is_ended else []
     assert bench.kernel.drain_cancelled() == ended
+
+
+def test_one_measurement_at_rest_is_not_enough_without_another(bench):
+    kernel = bench.kernel
+    kernel.brake(bench.now)
+    kernel.measured(ZERO, bench.now)
+    for _ in range(100):
+        bench.now += TICK
+        assert kernel.tick(bench.now).velocity == ZERO
+    kernel.measured(ZERO, bench.now)
+    assert kernel.tick(bench.now).velocity is None
+
+
+def test_time_without_the_base_does_not_count_as_time_in_which_it_was_braked(bench):
+    bench.drive(0.5)
+    bench.kernel.set_fault("adapter_lost")
+    for _ in range(500):
+        bench.now += TICK
+        bench.kernel.tick(bench.now)
+    bench.kernel.clear_fault(bench.now)
+    bench.motion = m.Velocity(linear=0.3, angular=0.0)
+    bench.run(0.38)
+    assert not bench.kernel.settles_too_long(bench.now)
+    assert not bench.kernel.moves_despite_stop(bench.now)
+    bench.run(0.1)
+    assert bench.kernel.moves_despite_stop(bench.now)
 
 
 def test_robot_never_measured_at_rest_is_reported(bench):
@@ -457,7 +483,7 @@ def test_heartbeats_that_come_in_one_burst_are_no_second_of_silence(bench):
     bench.stop(way="mqtt", role="staff")
     bench.run(3.0)
     for _ in range(20):
-        bench.kernel.heard("p1", "datachannel", bench.now)
+        bench.kernel.heartbeat("p1", "datachannel", bench.now)
     assert bench.drive(0.5).reason == "stopped"
 
 
@@ -807,7 +833,7 @@ def test_what_the_agents_own_navigation_wants_is_ramped_and_kept_within_lease_an
     bench.run(1.5)
     assert bench.kernel.commanded == m.Velocity(linear=0.2, angular=-0.3)
     bench.wanted = m.Velocity(linear=0.0, angular=0.0)
-    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.kernel.heartbeat("p1", "datachannel", bench.now)
     bench.run(1.0)
     assert bench.tick().velocity == m.Velocity(linear=0.0, angular=0.0), (
         "zeros go on: they hold the robot in its place"
@@ -843,10 +869,10 @@ def test_a_robot_that_assists_by_itself_is_not_slowed_down_twice():
 def test_navigation_stops_two_seconds_after_the_drivers_last_heartbeat(bench):
     bench.kernel.navigate("g1", "goto", ordered_by_server=False, now=bench.now)
     bench.run(1.5)
-    bench.kernel.heard("p1", "datachannel", bench.now)
+    bench.kernel.heartbeat("p1", "datachannel", bench.now)
     bench.run(1.9)
     assert bench.kernel.navigation
-    bench.kernel.heard("p2", "datachannel", bench.now)
+    bench.kernel.heartbeat("p2", "datachannel", bench.now)
     bench.run(0.2)
     assert bench.kernel.drain_cancelled() == [("g1", "heartbeat_lost")]
 
@@ -859,7 +885,7 @@ def test_return_to_the_dock_goes_on_while_the_server_sends_heartbeats(bench, ans
     for _ in range(20):
         bench.run(0.5)
         if answers:
-            bench.kernel.heard(SERVER_PEER, "mqtt", bench.now)
+            bench.kernel.heartbeat(SERVER_PEER, "mqtt", bench.now)
     assert (bench.kernel.navigation is not None) == answers
     if not answers:
         assert bench.kernel.drain_cancelled() == [("d1", "heartbeat_lost")]

@@ -102,9 +102,9 @@ def test_on_the_data_channel_it_is_the_peer_that_counts_and_not_what_the_page_sa
 
 def test_the_visitors_silence_is_the_visitors_while_the_wizard_drives(bench):
     bench.run(3.0)
-    bench.kernel.heard("w1", "mqtt", bench.now)
+    bench.kernel.heartbeat("w1", "mqtt", bench.now)
     assert bench.kernel.visitor_silence(bench.now) == pytest.approx(3.0, abs=0.1)
-    bench.kernel.heard("p1", "mqtt", bench.now)
+    bench.kernel.heartbeat("p1", "mqtt", bench.now)
     assert bench.kernel.visitor_silence(bench.now) == 0.0
 
 

@@ -15,7 +15,7 @@ CHECKPOINTS = 4
     [(0.15, (0.01, 0.01), 0.1), (0.4, (0.04, 0.05), 0.3)],
     ids=["deft", "clumsy"],
 )
-def test_somebody_docks_with_the_keys_alone_without_bumping_into_anything(start, late, blur, looks):
+def test_docking_with_keys_alone_touches_nothing(start, late, blur, looks):
     person = Person(seed=5, start=start, late=late, blur=blur, looks=looks)
     seconds = person.drive(passed=CHECKPOINTS, within=180.0)
     assert seconds is not None, f"stands at {person.sim.pose}"
@@ -26,7 +26,7 @@ def test_somebody_docks_with_the_keys_alone_without_bumping_into_anything(start,
 @pytest.mark.parametrize(
     "closed", [(), ("lounge-door",), ("lab-door",)], ids=["open", "lounge-door", "lab-door"]
 )
-def test_somebody_drives_the_papers_course_with_the_keys_whatever_door_is_closed(closed):
+def test_papers_course_is_driven_with_keys_with_any_door_closed(closed):
     person = Person(seed=2, closed=closed)
     seconds = person.drive(passed=0, within=300.0)
     assert seconds is not None, f"stands at {person.sim.pose} after {person.cue}"

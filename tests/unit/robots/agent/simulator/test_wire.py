@@ -21,13 +21,13 @@ from tests.support.examples import examples
         wire.AskHistory(3.0),
     ],
 )
-def test_what_a_client_says_arrives(message: wire.SimulatorMessage) -> None:
+def test_client_messages_arrive(message: wire.SimulatorMessage) -> None:
     packed = framing.pack(message)
     assert framing.length(packed[: framing.HEADER]) == len(packed) - framing.HEADER
     assert wire.unpack_command(packed[framing.HEADER :]) == message
 
 
-def test_what_the_simulator_says_arrives() -> None:
+def test_simulator_messages_arrive() -> None:
     row = (1.0, 0.5, 0.0, 0.4, 0.0, 2.0, 3.0, 0.1)
     for message in (
         wire.SimulatorWelcome("giraff", "office", 7),

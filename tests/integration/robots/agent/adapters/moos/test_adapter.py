@@ -67,7 +67,7 @@ class TestGiraff(RcaConformance):
         last = (await heard(adapter, ended("g")))[-1]
         assert (last.status, last.reason) == ("FAILED", "the robot stopped before it arrived")
 
-    async def test_what_openmora_starts_by_itself_is_cancelled(self, adapter):
+    async def test_motion_that_openmora_starts_itself_is_cancelled(self, adapter):
         await wait_for(adapter, lambda _: adapter._controller)
         self.rig.resume(self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0)))
         await wait_for(adapter, lambda s: self.rig.world.journey == "running")
@@ -138,7 +138,7 @@ async def test_something_else_at_the_address_gives_a_sentence(answer):
     server.close()
 
 
-async def test_nobody_at_the_address_gives_a_sentence():
+async def test_missing_database_is_reported_in_a_sentence():
     with pytest.raises(AdapterError, match=r"the MOOSDB at 127\.0\.0\.1:1 does not answer"):
         await registry.create("moos", "giraff", {"port": "1"}).connect()
 
@@ -196,7 +196,7 @@ mails = st.builds(
 # a busy computer is slow at everything
 @settings(max_examples=40, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(mails, max_size=3))
-def test_what_is_packed_is_unpacked(sent):
+def test_packed_messages_are_unpacked(sent):
     packet = wire.pack(sent)
     size, count = wire.body_length(packet[: wire.HEADER])
     assert size == len(packet) - wire.HEADER

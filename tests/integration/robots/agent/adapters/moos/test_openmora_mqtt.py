@@ -90,7 +90,7 @@ class TestGiraff(RcaConformance):
         assert (last.status, last.reason) == ("FAILED", "the robot does not start moving")
         assert self.rig.world.cancels > before
 
-    async def test_what_the_robot_starts_by_itself_is_cancelled(self, adapter):
+    async def test_motion_that_the_robot_starts_itself_is_cancelled(self, adapter):
         await wait_for(adapter, lambda _: not adapter._mode[0])
         await asyncio.sleep(openmora_mqtt.MOTION_ENDS)  # connecting has sent a Motion
         self.rig.resume(self.rig.world.truth.compose(Pose2D(2.0, 0.0, 0.0)))
@@ -176,7 +176,7 @@ def test_a_pose_is_read_in_all_of_its_spellings(text):
 
 
 @pytest.mark.parametrize("text", ["[1 2]", "[a b c]", "nan nan nan", "1 2 inf"])
-def test_what_is_no_pose_is_refused(text):
+def test_invalid_pose_is_refused(text):
     with pytest.raises(openmora.DialectError):
         openmora.pose_of(text)
 
@@ -193,7 +193,7 @@ def test_a_status_of_a_robot_that_knows_nothing_is_read():
 
 
 @pytest.mark.parametrize("text", ["", "a|b", "1 2 3|a|b|Manual|much|0"])
-def test_what_is_no_status_is_refused(text):
+def test_invalid_status_is_refused(text):
     with pytest.raises(openmora.DialectError):
         openmora.status_of(text)
 
@@ -214,7 +214,7 @@ def test_a_scan_is_read_and_what_is_beyond_its_range_left_out():
         "Aperture 9#Nsamples 2#Values 1 2",
     ],
 )
-def test_what_is_no_scan_is_refused(text):
+def test_invalid_scan_is_refused(text):
     with pytest.raises(openmora.DialectError):
         openmora.scan_of(text, 0.0, 10.0)
 
@@ -234,7 +234,7 @@ def test_the_angle_of_a_head_that_nobody_has_turned_is_unknown_and_known_once_it
     head = openmora_mqtt._Head(load_profile("giraff"))
     assert head.angle(0.0) is None
     head.turn_to(0.5, 10.0)
-    assert head.angle(10.5) is None  # it turns from nobody knows where
+    assert head.angle(10.5) is None  # it turns from an unknown angle
     assert head.angle(13.0) == 0.5
     head.turn_to(0.1, 20.0)
     assert head.angle(20.25) == pytest.approx(0.3)

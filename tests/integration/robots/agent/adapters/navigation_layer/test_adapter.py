@@ -87,7 +87,7 @@ def test_a_robot_that_localizes_itself_and_goes_nowhere_gets_our_navigation_and_
     assert wrapped.located(reading, np.zeros((0, 2))) == replace(reading, path=())
 
 
-def test_what_a_robot_can_do_itself_stays_its_own():
+def test_robot_keeps_its_own_capabilities():
     inner = ScriptedRobot()
     wrapped = registry.autonomous(
         ScriptedRobot(profile=replace(inner.profile, laser=made().profile.laser))
@@ -301,7 +301,7 @@ async def test_a_robot_that_knows_its_site_keeps_it():
     assert adapter.node.starts == 0
 
 
-async def test_where_it_stood_when_the_agent_ended_is_where_the_next_agent_begins(tmp_path):
+async def test_next_agent_begins_at_the_last_pose(tmp_path):
     memory = tmp_path / "agent" / "pose.json"
     first = without_site(memory)
     async with driving(first) as drive:

@@ -3,14 +3,20 @@ does.
 """
 
 import asyncio
+import contextlib
 import os
 import signal
+import socket
+from xmlrpc.client import ServerProxy
 
 import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.common import remote_adapter
+from robots.agent.adapters.ros.bus import Subscription
 from robots.agent.adapters.ros.graph import master_restarted
+from robots.agent.adapters.ros.guarded_node import HEARING
+from robots.agent.adapters.ros.ros1 import Ros1Bus, Ros1Options
 from robots.agent.robot_interface import AdapterError
 from robots.api.messages import Velocity
 from tests.support.architectures.adapter_conformance import drive, some, wait_for
@@ -23,8 +29,12 @@ from tests.support.architectures.rca_conformance import (
     standing,
 )
 from tests.support.architectures.ros1_robot import RobotBus, Ros1Rig
+from tests.support.architectures.ros_robot import STAMPED
+from tests.support.patience import patient
 
 AHEAD = Velocity(linear=0.25, angular=0.0)
+REFUSED = 1.0  # s after which rospy asks a publisher that has refused it again
+WAITS = 0.7  # s, less than the second after which the node takes its master to be gone
 
 
 class TestRhodon(RcaConformance):
@@ -132,6 +142,86 @@ class TestRhodon(RcaConformance):
         )
 
 
+@contextlib.asynccontextmanager
+async def opened(rig):
+    bus = Ros1Bus(Ros1Options(master=rig.master.uri, ip=rig.master.host, watchdog=0.6))
+    await bus.open(rig.lost.append, None)
+    try:
+        yield bus
+    finally:
+        await bus.shut()
+
+
+async def publisher_of(rig, topic):
+    """Wait for a publisher of a topic and return its slave API."""
+    master = ServerProxy(rig.master.uri)
+    async with asyncio.timeout(patient(5.0)):
+        while True:
+            publishers = dict(master.getSystemState("/test")[2][0])
+            if topic in publishers:
+                return ServerProxy(master.lookupNode("/test", publishers[topic][0])[2])
+            await asyncio.sleep(0.05)
+
+
+async def test_a_stranger_that_sends_no_header_keeps_no_subscriber_waiting():
+    """As the caller of a node that has ended, whose port this node has now."""
+    with Ros1Rig("rhodon") as rig:
+        async with opened(rig) as bus:
+            bus.advertise("/probe", "std_msgs/Bool")
+            node = await publisher_of(rig, "/probe")
+            _, _, (_, host, port) = node.requestTopic("/test", "/probe", [["TCPROS"]])
+            with socket.create_connection((host, port)) as stranger:
+                stranger.sendall(b"POST /RPC2 HTTP/1.1\r\n")
+                bus.advertise("/cmd_vel", "geometry_msgs/Twist", drives=True)
+                async with asyncio.timeout(patient(2.0)):
+                    while not bus.listeners("/cmd_vel"):
+                        await asyncio.sleep(0.02)
+
+
+@pytest.mark.nightly
+async def test_a_latched_message_reaches_a_subscriber_that_comes_later():
+    with Ros1Rig("rhodon") as rig:
+        async with opened(rig) as bus:
+            bus.advertise("/lock", "std_msgs/Bool", latch=True)
+            bus.publish("/lock", {"data": True})
+            await asyncio.sleep(HEARING + 0.5)
+            received = []
+            lock = Subscription("/lock", "std_msgs/Bool", received.append)
+            rig.loop.call_soon_threadsafe(rig._bus.subscribe, lock)
+            async with asyncio.timeout(patient(3.0)):
+                while received != [{"data": True}]:
+                    await asyncio.sleep(0.02)
+
+
+async def test_a_node_that_ends_leaves_nothing_at_the_master():
+    with Ros1Rig("rhodon") as rig:
+        async with connected(rig.adapter()) as adapter:
+            await some(adapter.states(), 2)
+        publishers, subscribers, services = ServerProxy(rig.master.uri).getSystemState("/test")[2]
+        names = {
+            name for each in (publishers, subscribers, services) for _, at in each for name in at
+        }
+        assert names == {"/base_driver"}
+
+
+async def test_a_base_that_was_refused_connects_after_the_type_of_velocities_is_replaced():
+    """Although the master keeps the node waiting while the base asks for its publications again."""
+    with Ros1Rig("rhodon", ("/cmd_vel", STAMPED)) as rig:
+        async with opened(rig) as bus:
+            bus.advertise("/cmd_vel", "geometry_msgs/Twist", drives=True)
+            while not (await bus.graph("/cmd_vel", ()))["/cmd_vel"].kinds:
+                await asyncio.sleep(0.01)
+            await asyncio.sleep(REFUSED - WAITS / 2)
+            rig.master.freeze(on=True)
+            bus.advertise("/cmd_vel", STAMPED, drives=True)
+            await asyncio.sleep(WAITS)
+            rig.master.freeze(on=False)
+            async with asyncio.timeout(patient(2.0)):
+                while not bus.listeners("/cmd_vel"):
+                    await bus.graph("/cmd_vel", ())
+                    await asyncio.sleep(0.1)
+
+
 @pytest.mark.parametrize("address", ["robot:11311", "http://", "http://robot:many"])
 def test_a_malformed_address_of_the_master_is_named_with_where_it_was_given(address, monkeypatch):
     expected = r"must be the address of the ROS master, such as http://192\.168\.1\.30:11311, not "
@@ -162,6 +252,18 @@ async def test_a_python_without_rospy_is_told_what_to_install(tmp_path):
     adapter = registry.create("ros1", "rhodon", {"python": str(wrapper)})
     with pytest.raises(AdapterError, match="rospy is not installed"):
         await adapter.connect()
+
+
+async def test_what_the_node_prints_does_not_mix_with_the_output_of_the_command(tmp_path, capfd):
+    wrapper = tmp_path / "python"
+    wrapper.write_text('#!/bin/sh\necho logged\nexec /usr/bin/python3 -S -E "$@"\n')
+    wrapper.chmod(0o755)
+    adapter = registry.create("ros1", "rhodon", {"python": str(wrapper)})
+    with pytest.raises(AdapterError):
+        await adapter.connect()
+    out, err = capfd.readouterr()
+    assert not out
+    assert "logged" in err
 
 
 def test_actions_of_ros_2_are_refused():

@@ -286,7 +286,7 @@ def test_a_sourced_installation_is_used_with_the_systems_python(monkeypatch):
 
 
 @pytest.mark.parametrize("options", [{"navigation": "move_base"}, {"domain": "many"}])
-def test_what_ros_2_does_not_have_is_refused(options):
+def test_options_that_ros_2_lacks_are_refused(options):
     with pytest.raises(AdapterError, match=r"navigation must be|has a wrong value|domain must"):
         registry.create("ros2", "giraff", options)
 
@@ -361,8 +361,8 @@ async def test_a_domain_without_a_robot_says_what_is_missing(monkeypatch):
 
 def test_numbers_that_json_lacks_are_none():
     program = (
-        "import array, json, ros2_node;"
-        "print(json.dumps(ros2_node.plain(array.array('f', [1.5, float('nan'), float('inf')]))))"
+        "import array, json, guarded_node;"
+        "print(json.dumps(guarded_node.plain(array.array('f', [1.5, float('nan'), float('inf')]))))"
     )
     folder = ROOT / "robots" / "agent" / "adapters" / "ros"
     done = subprocess.run([PYTHON, "-c", program], cwd=folder, capture_output=True, check=True)

@@ -1,7 +1,7 @@
 """ROS through rosbridge: the conformance suite for both generations, against a double or, with
 ROSBRIDGE=ws://…, against a real one.
 
-A real one is of the generation that ROSBRIDGE_ROS names, 2 unless told otherwise.
+A real one is of the generation that ROSBRIDGE_ROS names, 2 by default.
 """
 
 import asyncio
@@ -30,7 +30,7 @@ STANDING = {"linear": {"x": 0.0, "y": 0.0, "z": 0.0}, "angular": {"x": 0.0, "y":
 
 
 def twists(heard):
-    """What a robot was told, of stamped velocities."""
+    """The velocities that a robot received, from TwistStamped."""
     return [message["twist"] for _, message in heard]
 
 
@@ -90,7 +90,7 @@ class TestGiraffOnRos2(RcaConformance):
         }
 
 
-async def test_nobody_at_the_address_gives_a_sentence():
+async def test_an_address_without_a_server_is_named_in_the_error():
     adapter = registry.create(
         "rosbridge", "rhodon", {"navigation": "none", "url": "ws://127.0.0.1:1"}
     )

@@ -15,7 +15,7 @@ QUICK = CaptureLimits(
 
 
 class Scripted:
-    """A source that gives while it is told to; `broken` is why it cannot be started."""
+    """A source that sends while `gives`; `broken` is why it cannot be started."""
 
     def __init__(self, limits: CaptureLimits = QUICK) -> None:
         self.gives, self.broken = False, ""
@@ -28,7 +28,7 @@ class Scripted:
             raise AdapterError(self.broken)
 
     def stop(self) -> None:
-        """Nothing to let go of."""
+        """Nothing to release."""
 
     def _step(self, timeout: float) -> bool:
         self.reads += 1

@@ -16,7 +16,7 @@ from tests.support.programs.sound_server import sine
 
 
 class Loudspeaker:
-    """Refuses what it is told to refuse, as a device does that another program has."""
+    """Refuses as a device does that another program uses."""
 
     def __init__(self) -> None:
         self.refuses: set[str] = set()

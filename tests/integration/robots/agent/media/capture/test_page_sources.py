@@ -62,7 +62,7 @@ def shows(page: LoopbackPage, colour: tuple[int, int, int]) -> bool:
 
 
 @pytest.mark.nightly
-async def test_what_the_robots_page_sees_and_hears_reaches_who_watches_before_and_after(
+async def test_media_of_the_robots_page_reach_viewers_before_and_after(
     robot,
 ) -> None:
     before = await robot.viewer("before")
@@ -114,7 +114,7 @@ async def test_a_photo_is_taken_from_it(robot) -> None:
     assert all(abs(part - wanted) < 20 for part, wanted in zip(seen, BLUE, strict=True))
 
 
-async def test_what_a_driver_sends_is_never_taken_for_the_robots_picture(robot) -> None:
+async def test_drivers_video_is_never_taken_for_the_robots(robot) -> None:
     viewer = await robot.viewer()
     page = SpeakingPage(robot.media, robot.exchange, "driver")
     robot.pages.append(page)

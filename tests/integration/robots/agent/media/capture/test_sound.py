@@ -31,6 +31,6 @@ def test_silence_is_not_sent_and_time_goes_on() -> None:
 
 
 @pytest.mark.parametrize("samples", [np.zeros(480, np.int16), np.zeros(BLOCK, np.float32)])
-def test_what_is_not_20_ms_of_sound_is_refused(samples) -> None:
+def test_sound_of_another_length_is_refused(samples) -> None:
     with pytest.raises(ValueError):
         SoundEncoder().encode(samples)

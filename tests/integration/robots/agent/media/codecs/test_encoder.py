@@ -119,7 +119,7 @@ def test_a_picture_in_the_encoders_own_colours_is_scaled_into_the_tier_too() -> 
         Frame(np.zeros((720, 641), np.uint8), 1.0, "yuv420p"),
     ],
 )
-def test_what_is_not_a_picture_is_refused(frame: Frame) -> None:
+def test_invalid_image_is_refused(frame: Frame) -> None:
     with pytest.raises(ValueError):
         _encoder().of(frame, key=False)
 

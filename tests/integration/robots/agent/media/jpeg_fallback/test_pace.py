@@ -25,7 +25,7 @@ def pace():
     return StillPace(lambda peer: peer == "driver")
 
 
-def test_nothing_is_due_before_anybody_asks(pace):
+def test_no_picture_is_due_before_a_request(pace):
     assert pace.wait(10.0) is None
 
 

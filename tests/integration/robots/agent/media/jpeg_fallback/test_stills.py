@@ -1,4 +1,4 @@
-"""Pictures through the server: made when asked for, and the camera rests when nobody asks."""
+"""Pictures through the server: made on request; without requests the camera is stopped."""
 
 import asyncio
 import threading

@@ -70,7 +70,7 @@ def test_the_lease_alone_makes_a_driver() -> None:
     assert [registry.role(p) for p in ("a", "b")] == ["observer", "observer"]
 
 
-def test_who_has_driven_stays_only_by_an_offer_of_their_own() -> None:
+def test_earlier_driver_stays_only_by_a_new_offer() -> None:
     registry = PeerRegistry(4)
     registry.admit("a", "driver", 0.0)
     registry.lease_changed("a", 0.0)
@@ -88,7 +88,7 @@ def test_who_has_driven_stays_only_by_an_offer_of_their_own() -> None:
 
 
 @pytest.mark.parametrize("role", ["observer", "screen", "driver"])
-def test_who_watches_stays_while_the_server_speaks_for_them(role) -> None:
+def test_observer_stays_while_the_server_vouches(role) -> None:
     registry = PeerRegistry(4)
     registry.admit("a", role, 0.0)
     for minute in range(1, 60):

@@ -95,37 +95,37 @@ async def test_the_robots_screen_gets_the_same_tone_and_colour_while_the_loudspe
     assert robot.media.connected == 1, "a screen is no viewer"
 
 
-async def test_nothing_passes_before_the_call_lets_it_and_nothing_after(robot) -> None:
+async def test_visitor_media_pass_only_during_the_call(robot) -> None:
     await robot.visitor("p1")
-    await until(lambda: robot.media.visitor_counts.get("not_let_through", 0) > 20)
+    await until(lambda: robot.media.visitor.counts.get("not_let_through", 0) > 20)
     assert (robot.speaker.played, robot.display.shown) == (0, 0)
     robot.media.let_through(audio=True, video=False)
     await until(lambda: robot.speaker.played > 0)
     robot.media.let_through(audio=False, video=False)
     for _ in range(2):  # what was on its way
-        refused = robot.media.visitor_counts["not_let_through"]
+        refused = robot.media.visitor.counts["not_let_through"]
         await until(
-            lambda refused=refused: robot.media.visitor_counts["not_let_through"] > refused + 20
+            lambda refused=refused: robot.media.visitor.counts["not_let_through"] > refused + 20
         )
-    played, refused = robot.speaker.played, robot.media.visitor_counts["not_let_through"]
-    await until(lambda: robot.media.visitor_counts["not_let_through"] > refused + 20)
+    played, refused = robot.speaker.played, robot.media.visitor.counts["not_let_through"]
+    await until(lambda: robot.media.visitor.counts["not_let_through"] > refused + 20)
     assert robot.speaker.played == played
     assert robot.display.shown == 0
 
 
-async def test_what_somebody_sends_who_does_not_drive_is_counted_and_dropped(robot) -> None:
+async def test_media_of_an_observer_are_counted_and_dropped(robot) -> None:
     robot.media.let_through(audio=True, video=True)
     await robot.visitor("p1", drives=False)
-    await until(lambda: robot.media.visitor_counts.get("not_driver", 0) > 20)
+    await until(lambda: robot.media.visitor.counts.get("not_driver", 0) > 20)
     assert (robot.speaker.played, robot.display.shown) == (0, 0)
 
 
-async def test_whoever_loses_the_robot_is_heard_no_more(robot) -> None:
+async def test_voice_of_an_earlier_driver_is_dropped(robot) -> None:
     robot.media.let_through(audio=True, video=True)
     await robot.visitor("p1")
     await until(lambda: robot.speaker.played > 0)
     robot.media.lease_changed("p2")
-    await until(lambda: robot.media.visitor_counts.get("not_driver", 0) > 20)
+    await until(lambda: robot.media.visitor.counts.get("not_driver", 0) > 20)
 
 
 async def test_a_screen_that_comes_late_begins_with_a_whole_picture(robot) -> None:

@@ -40,7 +40,7 @@ def viewer(monkeypatch: pytest.MonkeyPatch) -> Viewer:
     return made
 
 
-async def test_who_was_held_up_before_the_first_picture_waits_for_no_gap_between_key_frames(
+async def test_hold_up_before_the_first_frame_gets_a_key_frame_at_once(
     viewer: Viewer,
 ) -> None:
     first = await viewer.connect()
@@ -52,7 +52,7 @@ async def test_who_was_held_up_before_the_first_picture_waits_for_no_gap_between
     assert (await first).timestamp == viewer.number
 
 
-async def test_who_was_held_up_once_is_shown_something_soon_and_who_always_is_waits_for_the_others(
+async def test_rare_hold_up_gets_a_key_frame_soon_a_constant_one_waits(
     viewer: Viewer,
 ) -> None:
     first = await viewer.connect()

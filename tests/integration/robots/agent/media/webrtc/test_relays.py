@@ -60,7 +60,7 @@ async def test_the_first_that_answers_is_taken_and_later_ones_wait_for_it_a_mome
     assert sorted(world.asked) == ["tcp", "tls", "udp"]
 
 
-async def test_what_was_found_holds_for_a_while():
+async def test_found_relays_are_kept_for_a_while():
     world = World(tcp=0.0)
     relays = world.relays()
     for moment, asked in ((0.0, 3), (1.0, 3), (FAILURE_HOLDS + 1.0, 5), (HOLDS + FAILURE_HOLDS, 8)):
@@ -137,7 +137,7 @@ def test_the_region_that_answers_soonest_is_taken_and_stays(delays, wanted):
     measure()
 
 
-async def test_what_is_doubted_is_asked_for_again():
+async def test_doubted_relays_are_probed_again():
     world = World(udp=0.0, near=0.0)
     relays = world.relays()
     assert [server.urls[0] for server in await relays.usable((STUN, TURN))] == [

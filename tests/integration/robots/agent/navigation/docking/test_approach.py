@@ -174,7 +174,7 @@ def test_wheels_that_stop_in_the_last_metre_end_the_task() -> None:
     assert "the wheels do not turn" in done.reason
 
 
-def test_who_loses_the_map_on_the_last_metre_docks_all_the_same() -> None:
+def test_robot_that_loses_the_map_on_the_last_metre_still_docks() -> None:
     made = rig("1.6,6.2,3.1")
     made.navigator.dock()
     while made.sim.pose.x > 1.0:

@@ -213,7 +213,7 @@ def test_each_mirror_has_its_own_side_however_alike_their_numbers_are(
 
 
 def test_left_in_the_mirror_is_left(camera: SceneCamera) -> None:
-    """A mirror does not swap sides: what stands at the robot's left appears at the left."""
+    """A mirror does not swap sides: a thing at the robot's left appears at the left."""
     mirror = PLAN.mirrors[0]
     pose = Pose2D(8.4, 3.4, math.pi)
     image = picture(camera, tuple(pose), 0.15).astype(int)
@@ -224,7 +224,7 @@ def test_left_in_the_mirror_is_left(camera: SceneCamera) -> None:
     assert image[int(v) - 3 : int(v) + 3, int(u) - 3 : int(u) + 3].mean() < 110  # dark wood
 
 
-def test_what_stands_nearer_hides_what_stands_farther(camera: SceneCamera) -> None:
+def test_nearer_things_hide_farther_ones(camera: SceneCamera) -> None:
     """From the north of the coffee table, its board hides the rug behind its near edge."""
     table = next(piece for piece in PLAN.furniture if piece.name == "coffee-table")
     pose = Pose2D(9.4, 4.2, math.pi / 2)
@@ -277,7 +277,7 @@ def test_many_lenses_and_doors_do_not_pile_up(camera: SceneCamera) -> None:
     assert len(camera._things) <= 8
 
 
-def test_what_stands_still_is_given_out_again_and_not_drawn_again(
+def test_unchanged_frame_is_not_drawn_again(
     camera: SceneCamera, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = picture(camera, (5.0, 1.0, 0.0))
@@ -285,7 +285,7 @@ def test_what_stands_still_is_given_out_again_and_not_drawn_again(
     assert np.array_equal(picture(camera, (5.0, 1.0, 0.0)), first)
 
 
-def test_somebody_who_leaves_is_not_left_behind_in_the_picture(camera: SceneCamera) -> None:
+def test_person_who_leaves_disappears_from_the_frame(camera: SceneCamera) -> None:
     empty = picture(camera, (5.0, 1.0, 0.0))
     picture(camera, (5.0, 1.0, 0.0), people=(Person(8.0, 1.0, 0.0, 0.0, 1, 1.0),))
     assert np.array_equal(picture(camera, (5.0, 1.0, 0.0)), empty)

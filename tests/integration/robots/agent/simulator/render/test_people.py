@@ -57,7 +57,7 @@ def changed(
 
 
 def box(mask: np.ndarray) -> Box:
-    """Return top, bottom, left, right of what is set."""
+    """Return top, bottom, left, right of the pixels that are set."""
     rows, columns = np.flatnonzero(mask.any(axis=1)), np.flatnonzero(mask.any(axis=0))
     return int(rows[0]), int(rows[-1]), int(columns[0]), int(columns[-1])
 
@@ -83,7 +83,7 @@ def pixel_of(
 
 
 @pytest.mark.parametrize("place", [(8.0, 1.1), (9.0, 0.9), (10.0, 1.2)])
-def test_somebody_is_drawn_as_tall_as_they_are_where_they_stand(
+def test_person_is_drawn_in_true_height_and_place(
     camera: SceneCamera, place: tuple[float, float]
 ) -> None:
     pose = (5.0, 1.0, 0.0)
@@ -119,7 +119,7 @@ def test_the_nearer_of_two_hides_the_other(camera: SceneCamera) -> None:
     assert np.array_equal(both, picture(camera, pose, (far, near)))
 
 
-def test_somebody_before_the_mirror_is_seen_in_it_from_the_other_side(camera: SceneCamera) -> None:
+def test_mirror_shows_a_person_from_the_other_side(camera: SceneCamera) -> None:
     """Their back is to the robot; in the mirror is the face."""
     mirror = PLAN.mirrors[0]
     middle = (mirror.start[1] + mirror.end[1]) / 2
@@ -150,14 +150,14 @@ def test_a_shadow_lies_on_the_floor_at_their_feet(camera: SceneCamera) -> None:
     )
 
 
-def test_who_stands_behind_the_mirrors_wall_throws_no_shadow_into_it(camera: SceneCamera) -> None:
+def test_person_behind_the_mirrors_wall_throws_no_shadow_into_it(camera: SceneCamera) -> None:
     mirror = PLAN.mirrors[0]
     pose = (mirror.start[0] + 1.5, (mirror.start[1] + mirror.end[1]) / 2, math.pi)
     behind = Person(mirror.start[0] - 1.0, pose[1], 0.0, 0.0, 1, 0.0)
     assert np.array_equal(picture(camera, pose, (behind,)), picture(camera, pose, ()))
 
 
-def test_who_walks_moves_the_legs_and_who_stands_does_not(camera: SceneCamera) -> None:
+def test_only_walking_people_move_their_legs(camera: SceneCamera) -> None:
     pose = (5.0, 1.0, 0.0)
     walk = [
         picture(camera, pose, (Person(8.0, 1.0, 1.5, stride, 1, 1.0),))

@@ -71,7 +71,7 @@ def test_docking_is_done_in_the_dock_and_undocking_out_of_it():
     ]
 
 
-def test_what_takes_too_long_fails_with_the_reason():
+def test_late_action_fails_with_the_reason():
     pending_actions, news = told()
     pending_actions.begin(PendingAction("d", "dock", 0.0, deadline=10.0))
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5), 5.0))
@@ -91,7 +91,7 @@ def test_a_head_is_there_when_its_angle_is():
     assert news[-1] == ("t", "FINISHED", "")
 
 
-def test_what_has_ended_ends_once_and_only_what_is_meant():
+def test_action_ends_once_and_no_other_with_it():
     pending_actions, news = told()
     pending_actions.begin(PendingAction("d", "dock", 0.0))
     pending_actions.end_drive("FINISHED", "", "goto")  # an end of navigation is not one of docking
@@ -101,7 +101,7 @@ def test_what_has_ended_ends_once_and_only_what_is_meant():
     assert news == [("d", "RUNNING", ""), ("d", "FAILED", "blocked")]
 
 
-def test_what_cannot_move_the_base_fails_with_the_connection():
+def test_head_and_localization_fail_with_the_connection():
     pending_actions, news = told()
     pending_actions.begin(PendingAction("t", "tilt", 0.0, (0.5, 0.5)))
     pending_actions.begin(PendingAction("r", "relocalize", 0.0))

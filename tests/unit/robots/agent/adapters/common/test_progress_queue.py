@@ -18,7 +18,7 @@ async def test_news_come_in_order_and_a_reader_waits_for_the_next():
     assert [(await reading).status, (await news.get()).status] == ["RUNNING", "FINISHED"]
 
 
-async def test_what_nobody_reads_does_not_grow():
+async def test_unread_progress_is_bounded():
     news = ProgressQueue()
     for number in range(10_000):
         news.put(ActionProgress("a1", "RUNNING", result={"number": float(number)}))

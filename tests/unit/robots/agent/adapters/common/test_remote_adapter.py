@@ -140,7 +140,7 @@ async def test_an_action_without_confirmation_is_cancelled_until_its_end_is_conf
 
 
 @on_virtual_time
-async def test_what_a_lost_connection_left_is_cancelled_before_anything_else_is_sent():
+async def test_leftovers_of_a_lost_connection_are_cancelled_first():
     async with connected() as rca:
         await rca.start(GOTO)
         rca._lose("the cable was pulled")

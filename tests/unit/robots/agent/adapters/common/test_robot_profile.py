@@ -216,7 +216,7 @@ def test_a_profile_that_is_not_there_is_answered_with_those_that_are():
         load_profile("./r2d2.toml")
 
 
-def test_what_is_not_installed_is_named_with_the_line_that_installs_it(monkeypatch):
+def test_missing_package_is_named_with_the_command_that_installs_it(monkeypatch):
     import sys
 
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][

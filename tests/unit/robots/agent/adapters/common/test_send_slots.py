@@ -1,4 +1,4 @@
-"""What waits to be said: velocities never late, letters in order."""
+"""Waiting messages: velocities never late, the others in order."""
 
 import asyncio
 
@@ -67,7 +67,7 @@ async def test_letters_are_bounded(clock):
     assert len(waiting) == 0
 
 
-async def test_who_waits_is_woken():
+async def test_new_message_wakes_the_waiting_sender():
     waiting = SendSlots()
     taking = asyncio.ensure_future(waiting.take())
     await asyncio.sleep(0)

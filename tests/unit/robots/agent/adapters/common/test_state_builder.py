@@ -99,6 +99,23 @@ def test_a_transform_says_where_the_odometry_lies_in_the_map_and_what_is_lost_is
     assert readings.pose == NOWHERE
 
 
+def test_a_robot_without_odometry_that_lost_its_pose_counts_as_at_rest():
+    readings = driven(Readings(), speed=0.3)
+    assert readings.velocity.linear > 0.2
+    readings.lost(101.0)
+    for _ in range(2):
+        state = readings.state(101.0)
+        assert state.velocity == ZERO
+        assert state.is_measured
+
+
+def test_a_repeated_velocity_is_not_a_measurement():
+    readings = Readings()
+    readings.moved(Pose2D(0.0, 0.0, 0.0), ZERO, 100.0, 100.0)
+    readings.lost(100.0)
+    assert [readings.state(100.0).is_measured for _ in range(2)] == [True, False]
+
+
 def test_stamps_grow_whatever_clocks_do():
     readings = Readings()
     stamps = []
@@ -135,7 +152,7 @@ def test_a_contact_begins_when_a_bumper_is_pressed():
     assert readings.state(1.0).contacts == 2
 
 
-def test_where_a_bumper_is_pressed_is_told_for_as_long_as_it_lasts_and_only_where_it_is_known():
+def test_bumper_bearings_are_reported_while_pressed_if_known():
     readings = Readings()
     assert readings.state(1.0).bumper is None
     readings.bumped(touching=True, bearings=(0.1,))
@@ -156,7 +173,7 @@ def test_echoes_and_points_are_told_once():
     assert (again.sonar, again.points) == ((), None)
 
 
-def test_what_comes_out_is_sound():
+def test_states_are_sound():
     readings = driven(Readings())
     readings.scanned(SCAN)
     readings.charged(voltage=25.0, charge=0.5)

@@ -61,7 +61,7 @@ def test_a_velocity_that_waited_is_not_sent(gate):
     assert gate.answered(0.76) is None
 
 
-def test_what_was_stopped_meanwhile_stays_stopped(gate):
+def test_velocity_does_not_follow_a_stop(gate):
     gate.want(AHEAD, 0.1)
     gate.ask(0.1)
     gate.stood(0.11)

@@ -35,7 +35,7 @@ def heard():
     adapter = registry.create(
         "rosbridge", "rhodon", {"navigation": "none", "url": "ws://127.0.0.1:1", "version": "1"}
     )
-    handlers = {topic: handler for topic, _, handler, _ in adapter._listened()}
+    handlers = {each.topic: each.handler for each in adapter._subscriptions()}
     return adapter, handlers["/amcl_pose"], handlers["/odom"]
 
 

@@ -1,4 +1,4 @@
-"""What is said of topics that nobody hears or says."""
+"""Sentences about topics without a subscriber or a publisher."""
 
 import pytest
 
@@ -10,7 +10,7 @@ from robots.agent.adapters.ros.graph import (
     chosen_stamped,
     master_restarted,
     nobody_listens,
-    not_said,
+    unpublished,
 )
 
 SCAN = TopicNeed("/scan", "sensor_msgs/LaserScan", "scan")
@@ -63,17 +63,17 @@ def test_a_topic_where_nobody_is_names_where_somebody_is():
 
 def test_a_topic_that_nobody_publishes_is_named_with_the_option_and_one_that_somebody_does_is_not():
     front = {"/front": TopicPeers(frozenset({SCAN.kind}), speakers=1)}
-    assert not_said(front, [SCAN]) == (
+    assert unpublished(front, [SCAN]) == (
         (
             "nobody publishes /scan (sensor_msgs/LaserScan): set scan to the robot's topic, or to"
             " nothing; here are /front"
         ),
     )
-    assert not_said({"/scan": TopicPeers(frozenset({SCAN.kind}), speakers=1)}, [SCAN]) == ()
-    assert not_said({"/scan": TopicPeers(frozenset({"a/B"}), speakers=1)}, [SCAN]) == (
+    assert unpublished({"/scan": TopicPeers(frozenset({SCAN.kind}), speakers=1)}, [SCAN]) == ()
+    assert unpublished({"/scan": TopicPeers(frozenset({"a/B"}), speakers=1)}, [SCAN]) == (
         "/scan is a/B, not sensor_msgs/LaserScan: set scan to another topic",
     )
-    assert not_said(None, [SCAN]) == ()
+    assert unpublished(None, [SCAN]) == ()
 
 
 def test_nodes_that_a_restarted_master_has_forgotten_are_named_and_many_are_counted():

@@ -162,6 +162,6 @@ def test_nonsense_is_refused_and_nothing_else(message):
         ({"voltage": 25.0, "percentage": 100.0, "power_supply_status": 4}, (25.0, 1.0, True)),
     ],
 )
-def test_what_a_battery_does_not_measure_is_unknown(message, known):
+def test_readings_that_a_battery_lacks_are_unknown(message, known):
     battery = messages.battery_in(message)
     assert (battery.voltage, battery.charge, battery.charging) == known

@@ -9,8 +9,9 @@ import pytest
 
 from robots.agent.adapters import registry
 from robots.agent.adapters.common.robot_profile import SHIPPED, load_profile
-from robots.agent.adapters.ros import base
+from robots.agent.adapters.ros import base, docking
 from robots.agent.adapters.ros.base import RosAdapter, RosOptions
+from robots.agent.adapters.ros.bus import UnansweredError
 from robots.agent.adapters.ros.docking import TriggerDocking
 from robots.agent.ramp import ZERO
 from robots.agent.robot_interface import ActionRefusedError, AdapterError
@@ -122,10 +123,9 @@ async def test_a_speed_limit_is_published_in_metres_a_second():
 def test_an_estop_that_was_never_reported_is_unknown():
     adapter, _ = adapter_of(guards=True, estop="estop")
     assert adapter.readings.state(time.time()).estop is None
-    handlers = {topic: (handler, how) for topic, _, handler, how in adapter._listened()}
-    handler, how = handlers["/estop"]
-    assert how == {"either": True}
-    handler({"data": False})
+    (estop,) = (each for each in adapter._subscriptions() if each.topic == "/estop")
+    assert estop.either
+    estop.handler({"data": False})
     assert adapter.readings.state(time.time()).estop is False
 
 
@@ -137,7 +137,7 @@ async def test_a_dock_that_refuses_was_certainly_not_taken():
     assert await adapter.cancel("d")
 
 
-async def test_a_dock_that_does_not_answer_is_cancelled_until_its_service_answers():
+async def test_a_dock_that_fails_is_cancelled_until_its_service_answers():
     adapter, bus = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
     bus.answer = AdapterError("/dock does not answer")
     with pytest.raises(AdapterError, match="/dock does not answer"):
@@ -153,3 +153,131 @@ async def test_a_cancel_without_success_counts_at_rest_only(stands, confirmed):
     bus = FakeBus()
     bus.answer = (False, "nothing to cancel")
     assert await TriggerDocking("/cancel_dock", bus, lambda: stands).cancel() is confirmed
+
+
+class LateDock:
+    """A bus whose docking service answers when the test lets it."""
+
+    def __init__(self):
+        self.answer = asyncio.get_running_loop().create_future()
+        self.cancelled = lambda: asyncio.sleep(0)
+        self.calls = []
+
+    async def call(self, service, kind, arguments=None, *, within=0.0):
+        self.calls.append(service)
+        if service == "/dock":
+            return await self.answer
+        if service == "/cancel_dock":
+            await self.cancelled()
+        return True, ""
+
+
+async def test_a_docking_that_is_answered_late_is_cancelled_again(monkeypatch):
+    monkeypatch.setattr(docking, "ANSWER_TIME", 0.01)
+    bus = LateDock()
+    docks = TriggerDocking("/cancel_dock", bus, lambda: True)
+    with pytest.raises(AdapterError, match="/dock does not answer"):
+        await docks.start("/dock")
+    assert not await docks.cancel()
+    assert not await docks.cancel()
+    bus.answer.set_result((True, ""))
+    while len(bus.calls) < 4:
+        await asyncio.sleep(0)
+    assert await docks.cancel()
+    assert bus.calls == ["/dock", *["/cancel_dock"] * 3]
+
+
+@pytest.mark.parametrize("lost", [True, False], ids=["connection lost", "no answer"])
+async def test_a_docking_call_without_an_answer_is_cancelled_for_a_while(monkeypatch, lost):
+    now = [100.0]
+    monkeypatch.setattr(docking.time, "monotonic", lambda: now[0])
+    bus = LateDock()
+    docks = TriggerDocking("/cancel_dock", bus, lambda: True)
+    starting = asyncio.ensure_future(docks.start("/dock"))
+    while not bus.calls:
+        await asyncio.sleep(0)
+    now[0] += 100.0
+    if lost:
+        bus.answer.cancel()
+    else:
+        bus.answer.set_exception(UnansweredError("/dock does not answer"))
+    with pytest.raises(AdapterError, match="/dock does not answer"):
+        await starting
+    assert not await docks.cancel()
+    now[0] += docking.LOST_FOR - 1.0
+    assert not await docks.cancel()
+    now[0] += 1.0
+    assert await docks.cancel()
+
+
+async def test_the_answer_to_a_cancel_counts_for_its_own_docking_only(monkeypatch):
+    monkeypatch.setattr(docking, "CANCEL_TIME", 0.01)
+    bus = LateDock()
+    docks = TriggerDocking("/cancel_dock", bus, lambda: True)
+    bus.answer.set_result((True, ""))
+    cancelled = asyncio.Event()
+    bus.cancelled = cancelled.wait
+    await docks.start("/dock")
+    assert not await docks.cancel()
+    cancelled.set()
+    await asyncio.sleep(0.01)
+    bus.calls.clear()
+    await docks.start("/undock")
+    assert await docks.cancel()
+    assert bus.calls == ["/undock", "/cancel_dock"]
+
+
+async def test_two_cancels_at_once_share_one_call():
+    bus = LateDock()
+    docks = TriggerDocking("/cancel_dock", bus, lambda: True)
+    bus.cancelled = lambda: asyncio.sleep(0.05)
+    assert await asyncio.gather(docks.cancel(), docks.cancel()) == [True, True]
+    assert bus.calls == ["/cancel_dock"]
+
+
+async def test_the_guard_learns_of_the_end_of_a_docking_and_of_no_other_action():
+    adapter, bus = adapter_of(guards=True, **DOCKS, cancel_dock="/cancel_dock")
+    await adapter.start(Dock(action_id="d", stamp=0.0))
+    assert bus.guard_orders == []
+    adapter.pending_actions.end("d", "FINISHED")
+
+    def look(now, speed):
+        adapter._odometry(odometry(now, speed))
+        adapter.readings.last_received_at = float(now)
+        adapter._look(float(now))
+
+    look(1, -0.1)
+    assert bus.guard_orders == [], "it still backs out of the dock"
+    look(2, 0.0)
+    assert bus.guard_orders == []
+    look(3, 0.0)
+    assert bus.guard_orders == [{"op": "docking_ended"}]
+    adapter.pending_actions.begin(adapter._pending(Goto(action_id="g", stamp=0.0, x=1.0, y=0.0)))
+    adapter.pending_actions.end("g", "FINISHED")
+    assert len(bus.guard_orders) == 1
+
+
+def odometry(second, speed):
+    return {
+        "header": {"stamp": {"secs": second, "nsecs": 0}},
+        "pose": {"pose": {"position": {"x": 0.0, "y": 0.0}, "orientation": AHEAD_OF_MAP}},
+        "twist": {"twist": {"linear": {"x": speed}, "angular": {"z": 0.0}}},
+    }
+
+
+AHEAD_OF_MAP = {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}
+
+
+async def test_odometry_that_is_published_again_is_no_reading():
+    adapter, _ = adapter_of(guards=True)
+    adapter._odometry(odometry(5, 0.3))
+    received_at = adapter.readings.last_received_at
+    adapter._odometry(odometry(5, 0.0))
+    assert adapter.readings.velocity.linear == 0.3
+    assert adapter.readings.last_received_at == received_at
+    adapter._odometry(odometry(6, 0.0))
+    assert adapter.readings.velocity.linear == 0.0
+    for _ in range(2):  # a stamp of zero is none
+        adapter.readings.fresh = False
+        adapter._odometry(odometry(0, 0.0))
+        assert adapter.readings.fresh

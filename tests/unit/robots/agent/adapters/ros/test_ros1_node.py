@@ -1,14 +1,24 @@
-"""The node of ROS 1 in the system's Python: what it says to the agent, and in which order."""
+"""The node of ROS 1: its reports to the agent, its guard, and its connections."""
 
+import math
 import queue
+import socket
 import threading
+import time
 from types import SimpleNamespace
 
 import pytest
 
 from robots.agent.adapters.ros import ros1_node
-from robots.agent.adapters.ros.graph import TopicPeers
-from robots.agent.adapters.ros.ros1 import UNCONNECTED, NodeBus, Ros1Options
+from robots.agent.adapters.ros.guarded_node import (
+    BACKLOG,
+    DockingCalls,
+    GuardedNode,
+    Link,
+    Standstill,
+)
+from robots.agent.adapters.ros.node_bus import GRAPH_TIME
+from robots.agent.adapters.ros.ros1 import Ros1Bus, Ros1Options
 from robots.agent.adapters.ros.ros1_node import MAX_QUEUED, Guard, MasterError, Node
 from robots.agent.robot_interface import AdapterError
 
@@ -27,14 +37,15 @@ def test_the_first_word_is_ready_however_long_that_takes():
         spoke.set()
 
     def slow_name():
-        spoke.wait(SOON)  # a busy computer, on which threads that run already are heard first
+        spoke.wait(SOON)  # a busy computer, on which running threads report first
         return "/telepresence"
 
     node.say, node.driven = say, None
     node.rospy = SimpleNamespace(get_name=slow_name)
-    node.connection = SimpleNamespace(makefile=lambda *_, **__: [])
+    node.link = SimpleNamespace(
+        connection=SimpleNamespace(makefile=lambda *_, **__: []), write=lambda: None
+    )
     node.watch_wheels, node.watch_master, node.answer_questions = watch, lambda: None, lambda: None
-    node.write_lines = lambda: None
     node.guard = SimpleNamespace(run=lambda: None, finish=lambda: None)
     node.run()
     assert spoke.wait(SOON * 10)
@@ -62,35 +73,35 @@ class BusyMaster:
         return state
 
 
-def test_nobody_is_known_to_listen_before_it_is_known_for_which_type():
+def test_a_subscriber_is_reported_together_with_its_type():
     said = []
     node = object.__new__(Node)
     node.new_master, node.rospy = BusyMaster, SimpleNamespace(get_name=lambda: "/telepresence")
-    node.refused, node.others, node.unreachable, node.driving = {}, {}, (OSError,), ""
-    node.look_up = lambda *_: None
+    node.refused, node.unreachable, node.driving = {}, (OSError,), ""
+    node.others = {"/base_driver": "http://base:1/"}
     node.say = lambda **message: said.append(message)
-    node.look_round(1, "/cmd_vel", {})
+    node.describe_graph(1, "/cmd_vel", {})
     for kinds, listeners, _ in said[0]["topics"].values():
         assert kinds or not listeners
 
 
-def test_what_we_published_ourselves_says_nothing_of_who_listens():
+def test_our_own_type_is_not_reported_as_that_of_a_subscriber():
     said, master = [], BusyMaster()
     master.base_comes()
     node = object.__new__(Node)
     node.new_master = lambda: master
     node.rospy = SimpleNamespace(get_name=lambda: "/telepresence")
-    node.refused, node.others, node.unreachable, node.driving = {}, {}, (OSError,), "/cmd_vel"
+    node.refused, node.unreachable, node.driving = {}, (OSError,), "/cmd_vel"
     node.publishers = {}
-    node.look_up = lambda *_: None
+    node.others = {"/base_driver": "http://base:1/"}
     node.say = lambda **message: said.append(message["topics"]["/cmd_vel"])
-    node.look_round(1, "/cmd_vel", {})
+    node.describe_graph(1, "/cmd_vel", {})
     node.refused = {"/cmd_vel": {"/base_driver": "geometry_msgs/Twist"}}
-    node.look_round(2, "/cmd_vel", {})
+    node.describe_graph(2, "/cmd_vel", {})
     assert said == [[[], 1, 0], [["geometry_msgs/Twist"], 1, 0]]
 
 
-def test_who_listens_and_has_not_come_by_the_second_look_is_called_again():
+def test_velocities_are_announced_again_to_a_subscriber_that_has_not_connected():
     called, connected = [], [0]
     node = object.__new__(Node)
     node.driving, node.was_alone = "/cmd_vel", False
@@ -106,7 +117,7 @@ def test_who_listens_and_has_not_come_by_the_second_look_is_called_again():
     looks = []
     for wanted, there in ((True, 0), (True, 0), (True, 1), (True, 0), (False, 0), (True, 0)):
         connected[0] = there
-        node.call_again(wanted)
+        node.announce_again(wanted)
         looks.append(len(called))
     assert looks == [0, 1, 1, 1, 1, 1]
     assert called == [("/us", "/cmd_vel", "geometry_msgs/Twist", "http://us:1/")]
@@ -114,43 +125,12 @@ def test_who_listens_and_has_not_come_by_the_second_look_is_called_again():
 
 @pytest.fixture
 def bus():
-    bus = NodeBus(Ros1Options(master="http://127.0.0.1:1", watchdog=0.6))
-    bus.reasons, bus._writer = (
-        [],
-        SimpleNamespace(
-            write=lambda _: None,
-            transport=SimpleNamespace(is_closing=lambda: False, get_write_buffer_size=lambda: 0),
-        ),
+    bus = Ros1Bus(Ros1Options(master="http://127.0.0.1:1", watchdog=0.6))
+    bus._writer = SimpleNamespace(
+        write=lambda _: None,
+        transport=SimpleNamespace(is_closing=lambda: False, get_write_buffer_size=lambda: 0),
     )
-    bus._lost = bus.reasons.append
-    bus.advertise("/cmd_vel", "geometry_msgs/Twist", drives=True)
     return bus
-
-
-LISTENS = TopicPeers(listeners=1)
-
-
-def test_who_listens_and_does_not_connect_is_reached_from_another_node_once(bus):
-    for now in (0.0, UNCONNECTED, UNCONNECTED + 1.0, UNCONNECTED + 2.0, 5 * UNCONNECTED):
-        bus._reach_again("/cmd_vel", LISTENS, now)
-    assert len(bus.reasons) == 1
-    bus._listeners["/cmd_vel"] = 1
-    bus._reach_again("/cmd_vel", LISTENS, 6 * UNCONNECTED)
-    bus._listeners["/cmd_vel"] = 0
-    for now in (7 * UNCONNECTED, 8 * UNCONNECTED + 1.0):
-        bus._reach_again("/cmd_vel", LISTENS, now)
-    assert len(bus.reasons) == 2
-
-
-@pytest.mark.parametrize(
-    "peers",
-    [TopicPeers(), TopicPeers(frozenset({"geometry_msgs/TwistStamped"}), listeners=1)],
-    ids=["nobody", "refused"],
-)
-def test_for_nobody_and_for_who_was_refused_it_stays_where_it_is(bus, peers):
-    for now in (0.0, 10 * UNCONNECTED):
-        bus._reach_again("/cmd_vel", peers, now)
-    assert bus.reasons == []
 
 
 class FailingMaster:
@@ -171,32 +151,93 @@ def test_a_look_round_is_answered_when_the_master_is_lost_meanwhile():
     node = object.__new__(Node)
     node.new_master, node.rospy = FailingMaster, SimpleNamespace(get_name=lambda: "/telepresence")
     node.refused, node.others, node.driving = {}, {}, ""
-    node.unreachable, node.unknown = (OSError,), MasterError
+    node.unreachable = (OSError, MasterError)
     node.say = lambda **message: said.append(message)
-    node.look_round(1, "/cmd_vel", {})
+    node.describe_graph(1, "/cmd_vel", {})
     assert (said[0]["op"], said[0]["number"]) == ("response", 1)
     assert "nodes" not in said[0]
 
 
+class ForgetfulMaster:
+    """A master from which /ended unregisters between two calls of one look."""
+
+    names = ("/base_driver", "/ended")
+
+    def getSystemState(self):  # noqa: N802 - the master's API
+        return [["/odom", self.names]], [], []
+
+    def getTopicTypes(self):  # noqa: N802 - the master's API
+        return []
+
+    def lookupNode(self, name):  # noqa: N802 - the master's API
+        if name == "/ended":
+            raise MasterError("unknown node [/ended]")
+        return "http://base:1/"
+
+
+@pytest.fixture
+def look():
+    """Describe the graph, given the nodes of earlier connections; return the answer."""
+
+    def describe(old):
+        said = []
+        node = object.__new__(Node)
+        node.new_master = ForgetfulMaster
+        node.rospy = SimpleNamespace(get_name=lambda: "/telepresence")
+        node.refused, node.others, node.driving = {}, {}, ""
+        node.unreachable = (OSError, MasterError)
+        node.say = lambda **message: said.append(message)
+        node.describe_graph(1, "/cmd_vel", old)
+        return said[0]
+
+    return describe
+
+
+def test_a_node_that_ends_during_a_look_hides_no_other(look, monkeypatch):
+    monkeypatch.setattr(ros1_node, "answers", lambda _: True)
+    found = look({"/planner": "http://planner:1/"})
+    assert found["nodes"] == {"/base_driver": "http://base:1/"}
+    assert found["forgotten"] == ["/planner"]
+
+
+@pytest.mark.slow
+def test_a_look_is_answered_in_time_although_many_old_nodes_hang(look, monkeypatch):
+    monkeypatch.setattr(ForgetfulMaster, "names", ("/base_driver",))
+    ended = threading.Event()
+    monkeypatch.setattr(ros1_node, "slave_at", lambda uri: uri)
+    monkeypatch.setattr(ros1_node, "answers", lambda uri: "hung" not in uri or ended.wait(2.0))
+    old = {f"/{number}": f"http://hung:{number}/" for number in range(6)}
+    began = time.monotonic()
+    found = look({**old, "/planner": "http://planner:1/"})
+    took = time.monotonic() - began
+    ended.set()
+    assert found["forgotten"] == ["/planner"]
+    assert took < GRAPH_TIME / 2
+
+
 async def test_a_graph_that_gets_no_answer_is_an_error(bus, monkeypatch):
-    monkeypatch.setattr("robots.agent.adapters.ros.ros1.GRAPH_TIME", 0.05)
+    monkeypatch.setattr("robots.agent.adapters.ros.node_bus.GRAPH_TIME", 0.05)
     with pytest.raises(AdapterError, match="the ROS master does not answer"):
         await bus.graph("/cmd_vel", ())
 
 
-def test_an_agent_that_reads_nothing_holds_up_no_thread_of_the_node():
-    node = object.__new__(Node)
-    node.outgoing = queue.Queue(MAX_QUEUED)
-    for number in range(2 * MAX_QUEUED):
-        node.say(op="publish", number=number)
-    assert node.outgoing.full()
+def test_of_readings_for_an_agent_that_reads_nothing_a_bounded_number_is_kept():
+    link = Link(None)
+    for number in range(2 * BACKLOG):
+        link.say(op="publish", number=number)
+    link.say(op="lost")
+    assert len(link.lines) == BACKLOG + 1
 
 
 def test_messages_without_a_subscriber_are_kept_up_to_a_bound():
     node = object.__new__(Node)
     node.waiting = {"/move_base/goal": list(range(MAX_QUEUED))}
     node.publishers = {
-        "/move_base/goal": SimpleNamespace(data_class=object, get_num_connections=lambda: 0)
+        "/move_base/goal": SimpleNamespace(
+            data_class=object,
+            get_num_connections=lambda: 0,
+            impl=SimpleNamespace(is_latch=False),
+        )
     }
     node.filled = lambda message, _content: message
     node.guard = SimpleNamespace(published=lambda *_: None)
@@ -209,6 +250,15 @@ def test_messages_without_a_subscriber_are_kept_up_to_a_bound():
 ACTIVE, PREEMPTED = 1, 2
 
 
+class Stamp:
+    """As genpy.Time."""
+
+    __slots__ = ("nsecs", "secs")
+
+    def __init__(self, secs, nsecs):
+        self.secs, self.nsecs = secs, nsecs
+
+
 class GuardRig:
     """A guard whose clock, status and odometry the test gives."""
 
@@ -216,10 +266,16 @@ class GuardRig:
         self.now, self.zeros, self.cancelled, self.said = 100.0, 0, [], []
         monkeypatch.setattr(ros1_node.time, "monotonic", lambda: self.now)
         node = SimpleNamespace(
-            publish_zero=self._zero, say=lambda **message: self.said.append(message["op"])
+            publish_zero=self._zero,
+            say=lambda **message: self.said.append(message["op"]),
+            standstill=Standstill(),
+            docking=DockingCalls(),
+            cancel_docking=lambda: None,
+            attempt=lambda work: work(),
+            beaten_at=self.now,
         )
         self.guard = Guard(node)
-        self.guard.action, self.guard.linear, self.guard.angular = "/move_base", 0.02, 0.05
+        self.guard.action = "/move_base"
         self.guard.kind_of_id = lambda id: id  # noqa: A006 - as GoalID
         self.guard.publisher = SimpleNamespace(publish=self.cancelled.append)
 
@@ -237,15 +293,18 @@ class GuardRig:
         ]
         self.guard.listed(SimpleNamespace(status_list=entries))
 
-    def passes(self, seconds, speed=0.0, *, beats=False):
+    def passes(self, seconds, speed=0.0, *, beats=False, stamp_stands=False):
         """Time passes at 50 Hz; return how many zeros were sent."""
-        before, twist = self.zeros, SimpleNamespace(x=speed, z=0.0)
-        inner = SimpleNamespace(linear=twist, angular=SimpleNamespace(z=0.0))
+        before, linear = self.zeros, SimpleNamespace(x=speed, y=0.0)
+        twist = SimpleNamespace(linear=linear, angular=SimpleNamespace(z=0.0))
         for _ in range(round(seconds / 0.02)):
             self.now += 0.02
             if beats:
-                self.guard.beaten_at = self.now
-            self.guard.measured(SimpleNamespace(twist=SimpleNamespace(twist=inner)))
+                self.guard.node.beaten_at = self.now
+            if not stamp_stands:
+                self.stamp = Stamp(int(self.now), int(self.now % 1.0 * 1e9))
+            header = SimpleNamespace(stamp=self.stamp)
+            self.guard.measured(SimpleNamespace(header=header, twist=SimpleNamespace(twist=twist)))
             self.guard.look(self.now)
         return self.zeros - before
 
@@ -324,3 +383,174 @@ def test_goals_end_with_a_server_whose_connection_is_lost(guard):
     guard.passes(1.1, beats=True)
     assert guard.said == ["gone"]
     assert guard.passes(3.0) == 0
+
+
+def test_odometry_that_is_published_again_measures_no_standstill(guard):
+    guard.passes(3.0, beats=True)
+    guard.guard.act()
+    guard.passes(0.5, 0.3, beats=True)
+    # the last reading from before the motion comes again and again
+    assert guard.passes(1.5, 0.0, stamp_stands=True) >= 45
+
+
+@pytest.mark.parametrize(("speed", "is_at_rest"), [(0.02, True), (0.0201, False)])
+def test_a_robot_as_fast_as_the_threshold_is_at_rest(guard, speed, is_at_rest):
+    guard.passes(1.0, speed, beats=True)
+    assert guard.guard.standstill.is_proved is is_at_rest
+
+
+def test_a_guard_that_fails_to_cancel_still_brakes(guard):
+    guard.guard.sent["telepresence-1"] = True
+    guard.guard.closed = True
+    rounds = iter(range(3))
+
+    def fail(_topic_id):
+        raise RuntimeError("the publisher is gone")
+
+    def sleep(_seconds):
+        next(rounds)
+
+    guard.guard.publisher = SimpleNamespace(publish=fail)
+    guard.guard.cancelled_at = -1.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(ros1_node.time, "sleep", sleep)
+        with pytest.raises(StopIteration):
+            guard.guard.run()
+    assert guard.zeros == 3
+
+
+class DockingRig:
+    def __init__(self):
+        self.docking = DockingCalls()
+        self.docking.begin(["/dock"], "/cancel_dock")
+        self.docking.cancelled(self.docking.cancelling())
+
+    def calls(self):
+        return self.docking.called("/dock")
+
+
+def test_a_docking_is_active_until_a_cancel_that_was_sent_after_its_answer():
+    rig = DockingRig()
+    assert not rig.docking.is_active
+    call = rig.calls()
+    early = rig.docking.cancelling()
+    rig.docking.cancelled(early)
+    assert rig.docking.is_active
+    rig.docking.answered(call, {"values": {"success": True}})
+    assert rig.docking.is_active
+    rig.docking.cancelled(early)
+    assert rig.docking.is_active
+    rig.docking.cancelled(rig.docking.cancelling())
+    assert not rig.docking.is_active
+
+
+@pytest.mark.parametrize("answer", [{"values": {"success": False}}, {"absent": True}])
+def test_a_docking_that_is_refused_is_not_active(answer):
+    rig = DockingRig()
+    rig.docking.answered(rig.calls(), answer)
+    assert not rig.docking.is_active
+
+
+def test_services_other_than_those_that_dock_are_no_docking():
+    rig = DockingRig()
+    assert rig.docking.called("/estop") == 0
+    assert not rig.docking.is_active
+
+
+class DockedNode(GuardedNode):
+    """A node whose service that cancels docking answers as the test says."""
+
+    def __init__(self, *answers):
+        super().__init__(None)
+        self.docking.begin(["/dock"], "/cancel_dock")
+        self.answers = list(answers)
+
+    def answer_of(self, service, kind, arguments, *, docking=0):
+        assert (service, kind) == ("/cancel_dock", "std_srvs/Trigger")
+        return self.answers.pop(0)
+
+    def cancels(self):
+        self.docking_cancelled_at = -1.0
+        self.cancel_docking()
+        for each in self.docking_cancels:
+            each.join()
+
+
+def test_docking_is_cancelled_until_its_service_answers_or_is_gone():
+    for last in ({"values": {"success": True}}, {"problem": "there is none", "absent": True}):
+        node = DockedNode({"problem": "no answer"}, last)
+        node.cancels()
+        assert node.docking.is_active
+        node.cancels()
+        assert not node.docking.is_active
+        node.cancels()
+        assert node.answers == []
+
+
+class ServiceNode(GuardedNode):
+    """A node whose services fail as no node of ROS expects."""
+
+    def __init__(self):
+        super().__init__(None)
+        self.docking.begin(["/dock"], "/cancel_dock")
+
+    def answer_of(self, service, kind, arguments, *, docking=0):
+        raise TypeError("'NoneType' object is not callable")
+
+
+def test_a_call_that_fails_unexpectedly_is_answered_and_can_be_cancelled(monkeypatch):
+    said = queue.Queue()
+    node = ServiceNode()
+    monkeypatch.setattr(node, "say", lambda **message: said.put(message))
+    node.do_call(7, "/dock", "std_srvs/Trigger", {})
+    answer = {"op": "response", "number": 7, "problem": "'NoneType' object is not callable"}
+    assert said.get(timeout=5.0) == answer
+    assert node.docking.is_active
+    node.docking.cancelled(node.docking.cancelling())
+    assert not node.docking.is_active
+
+
+def test_a_cancel_does_not_end_a_docking_that_is_called_while_it_begins():
+    docking = DockingRig().docking
+    calling = threading.Thread(target=docking.called, args=("/dock",))
+
+    class Time(float):
+        """The time of a call; while it is compared, another thread makes the next one."""
+
+        def __gt__(self, other):
+            calling.start()
+            calling.join(SOON)
+            return super().__gt__(other)
+
+    docking.unanswered[docking.called("/dock")] = Time(-math.inf)
+    cancel = docking.cancelling()
+    calling.join()
+    docking.cancelled(cancel)
+    assert docking.is_active
+
+
+# --- connections ----------------------------------------------------------------------------------
+
+HEADER = b"callerid=/base"
+
+
+@pytest.mark.parametrize(
+    ("sent", "is_whole"),
+    [
+        (b"", None),
+        (b"\x0e\x00", None),
+        (b"\x0e\x00\x00\x00" + HEADER[:-1], None),
+        (b"\x0e\x00\x00\x00" + HEADER, True),
+        (b"POST /RPC2 HTTP/1.1\r\n", False),
+    ],
+)
+def test_a_header_counts_when_it_is_whole_and_that_of_a_stranger_never(sent, is_whole):
+    ours, theirs = socket.socketpair()
+    with ours, theirs:
+        theirs.sendall(sent)
+        assert ros1_node.header_arrived(ours) is is_whole
+        if is_whole:
+            assert ours.recv(100) == sent
+        theirs.close()
+        if is_whole is None and not sent:
+            assert ros1_node.header_arrived(ours) is False

@@ -5,11 +5,14 @@ tests/integration has it with real nodes.
 import array
 import base64
 import math
+import queue
+from itertools import pairwise
 from types import ModuleType, SimpleNamespace
 
 import pytest
 
-from robots.agent.adapters.ros import ros2_node
+from robots.agent.adapters.ros import guarded_node, ros2_node
+from robots.agent.adapters.ros.graph import TopicPeers, chosen_stamped
 from robots.agent.adapters.ros.ros2_node import ABORTED, CANCELED, PREFIX, UNKNOWN_GOAL, OwnedGoals
 
 EXECUTING = 2
@@ -181,6 +184,195 @@ def test_a_rejected_goal_has_failed(goals):
 
 
 def test_messages_become_json():
-    assert ros2_node.plain(array.array("f", [1.5, math.nan, math.inf])) == [1.5, None, None]
-    assert ros2_node.plain(array.array("B", b"jpeg")) == base64.b64encode(b"jpeg").decode()
-    assert ros2_node.plain((True, "text", -math.inf)) == [True, "text", None]
+    assert guarded_node.plain(array.array("f", [1.5, math.nan, math.inf])) == [1.5, None, None]
+    assert guarded_node.plain(array.array("B", b"jpeg")) == base64.b64encode(b"jpeg").decode()
+    assert guarded_node.plain((True, "text", -math.inf)) == [True, "text", None]
+
+
+def test_a_goal_that_was_given_up_is_cancelled_when_its_planner_resumes(goals, clock):
+    goals.start(id_at(2000), "g", {})
+    goals.sender.requests[0].answer(SimpleNamespace(accepted=True))
+    for client in (goals.sender, goals.canceller):
+        client.ready = False
+    clock.time += 3.0
+    goals.attend_all()
+    assert goals.node.sent[-1]["reason"] == "the action server on /navigate_to_pose is gone"
+    goals.canceller.ready = True
+    goals.take_status(listed((id_at(2000), EXECUTING)))
+    assert cancelled_ids(goals) == [id_at(2000)]
+
+
+def test_a_goal_that_its_server_did_not_know_is_cancelled_when_it_runs_after_all(goals, clock):
+    goals.withdraw(id_at(2000), 7)
+    goals.canceller.requests[0].answer(SimpleNamespace(return_code=UNKNOWN_GOAL))
+    clock.time += 0.05
+    goals.attend_all()
+    assert goals.goals == {}
+    goals.take_status(listed((id_at(2000), EXECUTING)))
+    assert cancelled_ids(goals) == [id_at(2000)] * 2
+
+
+class FailingGuard(ros2_node.Ros2Node):
+    """A guard of which each part fails once."""
+
+    def __init__(self):
+        self.done = []
+
+    def part(self, name):
+        self.done.append(name)
+        if self.done.count(name) == 1:
+            raise RuntimeError(name)
+
+    def stop_wheels(self):
+        self.part("zero")
+
+    def attend(self):
+        self.part("cancel")
+
+    def cancel_docking(self):
+        self.part("dock")
+
+    def may_move(self, _since):
+        self.part("rest")
+        return self.done.count("rest") < 3
+
+
+def test_an_error_ends_no_guard(monkeypatch):
+    monkeypatch.setattr(ros2_node.time, "sleep", lambda _: None)
+    guard = FailingGuard()
+    guard.brake_until_rest(0.0)
+    assert guard.done == ["zero", "cancel", "dock", "rest"] * 3
+
+
+class DockingServer:
+    """A server that receives a call, and is there or not at each look, 0.5 s after the last."""
+
+    def __init__(self, clock, looks, answer=None):
+        self.clock, self.looks, self.answer = clock, iter(looks), answer
+        self.answer_to = None
+
+    def service_is_ready(self):
+        if self.answer_to is None:
+            return True
+        self.clock.time += 0.5
+        is_there = next(self.looks, None)
+        if is_there is None and self.answer is not None:
+            self.answer_to(Done(self.answer))
+        return is_there is not False
+
+    def call_async(self, _request):
+        return SimpleNamespace(add_done_callback=lambda take: setattr(self, "answer_to", take))
+
+
+@pytest.fixture
+def call(monkeypatch):
+    """Call a service that docks, at a server; return the answer."""
+
+    def answer_of(server):
+        monkeypatch.setattr(ros2_node, "type_of", lambda *_: SimpleNamespace(Request=Record))
+        node = object.__new__(ros2_node.Ros2Node)
+        node.clients, node.guarding = {"/dock": server}, False
+        node.docking = SimpleNamespace(cancel_service="/cancel_dock")
+        node.later = lambda work, *words: work(*words)
+        return node.answer_of("/dock", "std_srvs/Trigger", {}, docking=1)
+
+    return answer_of
+
+
+@pytest.mark.timeout(10)
+def test_a_call_ends_when_its_server_has_been_gone_for_2_s(call, clock):
+    began = clock.time
+    server = DockingServer(clock, [True, *[False] * 9])
+    assert call(server) == {"problem": "no answer"}
+    assert clock.time - began == 0.5 + ros2_node.GONE_AFTER
+
+
+@pytest.mark.timeout(10)
+def test_a_call_goes_on_while_its_server_is_gone_for_less_than_2_s(call, clock):
+    server = DockingServer(clock, [False, False, False, True] * 2, [True])
+    assert call(server) == {"values": [True]}
+
+
+@pytest.mark.parametrize(
+    ("kinds", "published"),
+    [
+        (["Twist", "TwistStamped"], "Twist"),
+        (["TwistStamped"], "TwistStamped"),
+        (["TwistStamped", "Twist"], "Twist"),
+    ],
+)
+def test_a_guard_brakes_with_the_type_that_the_agent_would_choose(monkeypatch, kinds, published):
+    sent = []
+    monkeypatch.setattr(ros2_node, "type_of", lambda kind, _: type(kind.split("/")[1], (), {}))
+    node = object.__new__(ros2_node.Ros2Node)
+    node.settings, node.publishers, node.kinds = {"driving": "/cmd_vel"}, {}, {}
+    node.quality = lambda **_: None
+    node.subscribers_of = lambda _: [Record(topic_type="geometry_msgs/msg/" + k) for k in kinds]
+    node.later = lambda *_: None
+    node.ros = SimpleNamespace(
+        create_publisher=lambda *_: SimpleNamespace(publish=sent.append), destroy_publisher=None
+    )
+    node.stop_wheels()
+    graph = {"/cmd_vel": TopicPeers(frozenset("geometry_msgs/" + kind for kind in kinds))}
+    assert [type(each).__name__ for each in sent] == [published]
+    assert chosen_stamped(graph, "/cmd_vel", stamped=False) == (published == "TwistStamped")
+
+
+class DockedNode(ros2_node.Ros2Node):
+    """A node that may have a docking of an earlier run, whose cancel service answers when the test
+    does.
+    """
+
+    def __init__(self, clock):
+        guarded_node.GuardedNode.__init__(self, None)
+        self.clock, self.settings, self.driven = clock, {"driving": ""}, None
+        self.answers = queue.Queue()
+        self.do_guard(linear=0.02, angular=0.05, docks=["/dock"], cancel_dock="/cancel_dock")
+
+    def attend(self):
+        pass
+
+    def answer_of(self, service, kind, arguments, *, docking=0):
+        assert service == "/cancel_dock"
+        return self.answers.get()
+
+    def guards_for(self, seconds):
+        """Time passes in rounds of the guard; return the times at which it cancelled."""
+        times = [self.docking_cancelled_at]
+        for _ in range(round(seconds / ros2_node.PERIOD)):
+            self.look_after(self.clock.time)
+            if times[-1] != self.docking_cancelled_at:
+                times.append(self.docking_cancelled_at)
+            self.clock.time += ros2_node.PERIOD
+        return times[1:]
+
+    def answers_all(self, answer):
+        for _ in self.docking_cancels:
+            self.answers.put(answer)
+        for each in self.docking_cancels:
+            each.join()
+
+
+def test_a_docking_of_an_earlier_run_is_cancelled_every_half_second_until_confirmed(clock):
+    node = DockedNode(clock)
+    times = node.guards_for(2.0)
+    assert len(times) == 4
+    assert all(0.5 <= after - before < 0.6 for before, after in pairwise(times))
+    node.answers_all({"problem": "no answer"})
+    assert len(node.guards_for(1.0)) == 2
+    node.answers_all({"values": {"success": True}})
+    assert node.guards_for(2.0) == []
+
+
+def test_a_docking_of_this_run_is_not_cancelled_while_the_agent_lives(clock):
+    node = DockedNode(clock)
+    node.guards_for(0.1)
+    node.answers_all({"values": {"success": True}})
+    node.docking.called("/dock")
+    assert node.guards_for(2.0) == []
+
+
+def test_cancels_that_wait_for_an_answer_are_bounded(clock):
+    node = DockedNode(clock)
+    assert len(node.guards_for(20.0)) == guarded_node.MOST_CANCELS
+    node.answers_all({"problem": "no answer"})

@@ -45,7 +45,7 @@ def test_the_newest_picture_counts_whatever_its_kind():
     [b"", b"no picture", jpeg_of(0)[:40], png_of(0)[:30]],
     ids=["nothing", "words", "half a JPEG", "half a PNG"],
 )
-def test_what_is_no_picture_is_said_in_a_sentence_and_the_next_one_is_shown(rubbish):
+def test_a_malformed_image_is_an_error_and_the_next_one_is_shown(rubbish):
     camera = TopicCamera("/camera")
     camera.start()
     camera.take(rubbish, 1.0)

@@ -43,7 +43,7 @@ class Network:
     best: float = 1.0
 
     def run(self, seconds: float, *, moving: float = 1.0) -> "Network":
-        """`moving` is how much of its rung's rate the picture needs: a still one needs little."""
+        """`moving` is the share of its layer's rate that a frame needs: a still one little."""
         for n in range(round(seconds / STEP)):
             self.now += STEP
             own = 0.0 if self.adapter.pauses(self.now) else moving * RATES[self.adapter.layer]
@@ -184,7 +184,7 @@ def test_without_a_word_from_the_page_nothing_changes():
     assert adapter.layer == 0
 
 
-def test_where_there_is_one_quality_it_stays():
+def test_single_layer_never_changes():
     adapter = BitrateAdapter((0,), 0.0)
     for n in range(10):
         adapter.aged(0.2 * n, 0.1 * n, 1e6)

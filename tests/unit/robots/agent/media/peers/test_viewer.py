@@ -69,7 +69,7 @@ def test_a_pause_before_a_lower_rung_ends_on_that_rung_and_shows_no_more_of_the_
     show(viewer, 3)
     show(viewer, 3, layer=1)
     assert viewer._camera.asked == [1, 1], "with the step, and after the pause"
-    show(viewer, 4, key=True)  # of the old rung
+    show(viewer, 4, key=True)  # of the old layer
     show(viewer, 5, layer=1, key=True)
     show(viewer, 6, layer=1)
     assert viewer.sent == [(0, 1), (1, 5), (1, 6)]

@@ -37,7 +37,7 @@ def test_a_flood_of_any_kind_is_cut_to_its_rate_and_leaves_the_others_theirs(fra
     assert all(gate.take(other, 2.0) is not None for other in EVERY_KIND if other != frame)
 
 
-def test_who_writes_stop_into_something_else_is_not_taken_for_a_stop() -> None:
+def test_word_stop_in_another_message_is_no_stop() -> None:
     gate = PacketGate()
     noted = VELOCITY.replace("{", '{"note":"stop estop",', 1)
     assert sum(gate.take(noted, 0.0) is not None for _ in range(10_000)) == 100

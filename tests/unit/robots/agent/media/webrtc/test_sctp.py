@@ -1,4 +1,4 @@
-"""How often a page is told what it need not wait for."""
+"""How often FORWARD TSN is sent."""
 
 from types import SimpleNamespace
 
@@ -43,7 +43,7 @@ def test_it_is_said_again_until_it_is_acknowledged(transport):
     assert not said(transport)
 
 
-def test_what_is_new_after_a_pause_is_said_at_once(transport):
+def test_forward_tsn_after_a_pause_is_sent_at_once(transport):
     transport.open = False
     assert not said(transport)
     transport.open = True

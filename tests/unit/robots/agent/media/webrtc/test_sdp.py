@@ -78,6 +78,6 @@ def test_a_candidate_keeps_its_line() -> None:
 @pytest.mark.parametrize(
     "offer", ["", "v=0\r\n", "m=video 9 UDP/TLS/RTP/SAVPF 96\r\n", "\r\n" * 100]
 )
-def test_what_is_not_an_offer_is_refused(offer: str) -> None:
+def test_invalid_offer_is_refused(offer: str) -> None:
     with pytest.raises(BadOfferError):
         media_lines(offer)

@@ -59,7 +59,7 @@ def test_a_waiting_viewer_repeats_its_request_now_and_then() -> None:
         max_size=200,
     )
 )
-def test_what_is_taken_never_has_a_hole(steps: list[tuple[str, int]]) -> None:
+def test_taken_frames_have_no_gap(steps: list[tuple[str, int]]) -> None:
     queue, number, taken = ViewerQueue(), 0, []
     for what, backlog in steps:
         if what == "take":

@@ -1,4 +1,4 @@
-"""What a page is told."""
+"""States and poses for pages."""
 
 from robots.agent.media.webrtc.telemetry import for_page
 from robots.api import messages as m

@@ -67,7 +67,7 @@ def test_a_plain_wall_is_no_station() -> None:
     assert find(sweep(sim), Pose2D(1.0, 0.0, 0.0), station, WIDE) is None
 
 
-def test_nothing_is_found_where_nothing_came_back() -> None:
+def test_station_is_not_found_without_echoes() -> None:
     sim, front = before_dock(MODELS["giraff"], Pose2D(-0.9, 0.0, 0.0))
     seen = sweep(sim)
     silent = LaserScan(
@@ -81,7 +81,7 @@ def test_nothing_is_found_where_nothing_came_back() -> None:
     assert find(silent, front, PLAN.dock_of("giraff").station, WIDE) is None
 
 
-def test_somebody_who_stands_before_half_of_the_front_hides_it() -> None:
+def test_person_before_half_of_the_front_hides_the_station() -> None:
     sim, front = before_dock(MODELS["giraff"], Pose2D(-0.9, 0.0, 0.0))
     seen = sweep(sim)
     ranges = seen.ranges.copy()

@@ -15,7 +15,7 @@ def half_round(mount: Pose2D = Pose2D(0.15, 0.0, 0.0)) -> LaserScan:  # noqa: B0
     return LaserScan(0.0, -math.pi / 2.0, math.pi / 180.0, 10.0, np.full(181, 5.0), mount)
 
 
-def test_who_is_in_sight_is_not_remembered_and_who_has_passed_is() -> None:
+def test_only_people_out_of_sight_are_remembered() -> None:
     lost_obstacles = LostObstacles()
     lost_obstacles.take(0.0, HERE, np.array([[0.4, 0.5]]))
     assert len(lost_obstacles.out_of_sight(0.1, HERE, half_round())) == 0
@@ -23,7 +23,7 @@ def test_who_is_in_sight_is_not_remembered_and_who_has_passed_is() -> None:
     assert np.allclose(lost_obstacles.out_of_sight(1.0, ahead, half_round()), [[-0.1, 0.5]])
 
 
-def test_somebody_who_has_passed_is_forgotten_after_a_while_and_who_was_far_off_at_once() -> None:
+def test_passed_people_are_forgotten_after_a_while_distant_ones_at_once() -> None:
     lost_obstacles = LostObstacles()
     lost_obstacles.take(0.0, HERE, np.array([[0.1, 0.5], [-0.1, LOST.near + 0.1]]))
     assert len(lost_obstacles.out_of_sight(LOST.hold - 0.1, HERE, half_round())) == 1

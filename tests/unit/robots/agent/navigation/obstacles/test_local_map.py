@@ -31,7 +31,7 @@ def sweep(sim: Simulation, stamp: float = 0.0) -> LaserScan:
 
 
 def with_thing(beams: LaserScan, bearing: float, distance: float) -> LaserScan:
-    """A sweep in which something of 20 cm stands at a distance from the laser."""
+    """A sweep with an obstacle of 20 cm at a distance from the laser."""
     ranges = beams.ranges.copy()
     ranges[np.abs(beams.angles - bearing) <= 0.1 / distance] = distance
     return LaserScan(
@@ -52,7 +52,7 @@ def thing_at(obstacle_map: LocalObstacleMap, pose: Pose2D, distance: float, now:
     return bool(obstacle_map.live(now)[row - 2 : row + 3, column - 2 : column + 3].any())
 
 
-def test_what_is_on_the_map_is_not_marked() -> None:
+def test_mapped_points_are_not_marked() -> None:
     sim, obstacle_map = giraff("corridor-centre")
     obstacle_map.look(sim.pose, sweep(sim), 0.0)
     assert not thing_at(obstacle_map, sim.pose, 1.0, 0.0)
@@ -78,7 +78,7 @@ def test_out_of_sight_who_passed_is_forgotten_soon_and_what_stood_there_later() 
     assert not thing_at(standing, sim.pose, 1.0, 13.0 + LOCAL_MAP.kept_at_most)
 
 
-def test_what_has_stood_for_long_is_settled_and_what_moves_is_not() -> None:
+def test_only_long_still_obstacles_are_settled() -> None:
     sim, obstacle_map = giraff()
     point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
     elsewhere = np.array([[GIRAFF.laser.x + 1.0, 0.5]])
@@ -92,7 +92,7 @@ def test_what_has_stood_for_long_is_settled_and_what_moves_is_not() -> None:
     assert obstacle_map.strange(sim.pose, np.vstack([point, elsewhere]), now).all()
 
 
-def test_what_is_met_now_and_then_and_never_looked_through_settles_too() -> None:
+def test_obstacle_seen_now_and_then_but_never_passed_settles() -> None:
     """The edge of a thing that stands close to a wall is the wall's in most sweeps."""
     sim, obstacle_map = giraff()
     point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
@@ -103,7 +103,7 @@ def test_what_is_met_now_and_then_and_never_looked_through_settles_too() -> None
     assert obstacle_map.settled(sim.pose, point, step / 10.0).all()
 
 
-def test_what_comes_back_after_the_laser_looked_through_is_new() -> None:
+def test_obstacle_after_a_free_view_is_new() -> None:
     sim, obstacle_map = giraff()
     point = np.array([[GIRAFF.laser.x + 1.0, 0.0]])
     for step in range(round(LOCAL_MAP.settled * 10) + 5):
@@ -142,7 +142,7 @@ def test_a_door_that_was_seen_closed_counts_as_closed_until_it_is_seen_open_or_l
     assert obstacle_map.doors.closed(6.0) == ()
 
 
-def test_somebody_in_the_doorway_is_no_closed_door() -> None:
+def test_person_in_the_doorway_is_no_closed_door() -> None:
     sim, obstacle_map = giraff(BEFORE_DOOR)
     obstacle_map.look(sim.pose, with_thing(sweep(sim), 0.0, 1.0), 0.0)
     assert obstacle_map.doors.closed(0.0) == ()

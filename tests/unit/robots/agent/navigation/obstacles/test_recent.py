@@ -31,7 +31,7 @@ def sweep(stamp: float, post: tuple[float, float], error: float) -> LaserScan:
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_what_holds_a_robot_holds_it_though_the_laser_errs(seed: int) -> None:
+def test_robot_stays_held_despite_laser_noise(seed: int) -> None:
     """It stands beside the corner of a wall, as near as it may, and wants to go on for 10 s."""
     rng = np.random.default_rng(seed)
     beside = 0.25 + BRAKING.touch / math.sqrt(2.0), 0.21 + BRAKING.touch / math.sqrt(2.0)

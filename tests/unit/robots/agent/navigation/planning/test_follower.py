@@ -1,4 +1,4 @@
-"""Where a follower steers between what stands on both sides of the robot."""
+"""Where a follower steers between obstacles on both sides of the robot."""
 
 import numpy as np
 import pytest
@@ -29,15 +29,15 @@ def test_in_a_tight_place_the_robot_keeps_to_the_middle_of_what_it_sees(side: fl
     assert step.velocity.angular * side > 0.0
 
 
-def test_where_there_is_room_the_robot_keeps_to_the_path() -> None:
+def test_robot_keeps_to_the_path_where_there_is_room() -> None:
     assert followed((0.4, HALF + 0.4), (0.4, -HALF - 0.1)).velocity.angular == 0.0
 
 
-def test_what_stands_beside_it_on_one_side_only_does_not_draw_it_aside() -> None:
+def test_obstacle_on_one_side_does_not_draw_the_robot_aside() -> None:
     assert followed((0.4, HALF + 0.05)).velocity.angular == 0.0
 
 
-def test_what_stands_before_the_robot_is_no_side_of_a_tight_place() -> None:
+def test_obstacle_ahead_is_no_side_of_a_tight_place() -> None:
     assert followed((0.55, 0.1), (0.4, -HALF - 0.03)).velocity.angular == 0.0
 
 

@@ -83,7 +83,7 @@ def test_there_is_no_way_into_a_room_without_a_door() -> None:
     assert made.plan((0.5, 0.6), (1.5, 0.6), made.costmap.clearance) is None
 
 
-def test_what_stands_in_the_only_gap_leaves_no_way_and_elsewhere_a_detour() -> None:
+def test_blocked_gap_leaves_no_way_or_a_detour() -> None:
     made = planner()
     live = np.zeros(made.costmap.shape, dtype=np.bool_)
     rows, columns, _ = made.costmap.cells(np.array([[1.7, y] for y in np.arange(0.2, 1.0, 0.05)]))
@@ -104,7 +104,7 @@ def test_a_map_without_free_space_is_refused() -> None:
         planner("####\n####\n####")
 
 
-def test_what_the_map_does_not_know_is_no_place_to_be() -> None:
+def test_unknown_cells_are_not_free() -> None:
     made = planner("######\n#????#\n#?..?#\n#....#\n#....#\n#....#\n######".replace("\n", " "))
     with pytest.raises(NoWayError):
         planner("?????\n?????\n?????")

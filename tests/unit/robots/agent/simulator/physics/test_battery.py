@@ -1,4 +1,4 @@
-"""Charge goes down and comes back."""
+"""Charging and discharging."""
 
 import pytest
 

@@ -84,7 +84,7 @@ def test_whatever_is_commanded_the_robot_never_stands_in_anything(seed: int, mod
             assert not OFFICE.hits(place(footprint, pose))
 
 
-def test_what_is_done_is_never_more_than_what_is_commanded() -> None:
+def test_motion_never_exceeds_the_command() -> None:
     world, pose = wall(2.0), Pose2D(1.66, 0.0, 0.2)
     for _ in range(50):
         move = world.move(GIRAFF_FOOT, pose, WheelMotion(0.3, 0.3), 0.01)

@@ -61,7 +61,7 @@ def test_people_get_about_at_their_pace_and_look_where_they_go() -> None:
 
 
 @pytest.mark.parametrize("seed", [1, 2, 3])
-def test_nobody_walks_through_walls_furniture_leaves_or_each_other(seed: int) -> None:
+def test_people_walk_through_no_walls_furniture_leaves_or_people(seed: int) -> None:
     solids = [*fixed_solids(PLAN), *(leaf_solid(door, "open") for door in PLAN.doors)]
     moments = walk(crowd(seed=seed), 60.0)
     x, y = np.array([(person.x, person.y) for moment in moments for person in moment]).T
@@ -73,7 +73,7 @@ def test_nobody_walks_through_walls_furniture_leaves_or_each_other(seed: int) ->
 
 @pytest.mark.slow
 @pytest.mark.parametrize("site", ["office", "clinic"])
-def test_nobody_gets_stuck_for_long(site: str) -> None:
+def test_people_do_not_get_stuck_for_long(site: str) -> None:
     plan, _ = load_plan(site)
     doors = {door.name: "open" for door in plan.doors}
     people = Pedestrians(plan, 3, doors, (0.5, 6.3), np.random.default_rng(6))
@@ -100,7 +100,7 @@ def test_behind_closed_doors_people_stay() -> None:
         )
 
 
-def test_nobody_starts_beside_the_robot() -> None:
+def test_people_do_not_start_beside_the_robot() -> None:
     for seed in range(20):
         assert all(math.dist(person[:2], (0.5, 6.3)) > 1.0 for person in crowd(5, seed).people)
 
@@ -109,7 +109,7 @@ def test_a_plan_with_less_room_than_people_has_fewer() -> None:
     assert 0 < len(crowd(1000).people) < 100
 
 
-def test_who_is_held_up_by_the_robot_turns_round_after_a_while() -> None:
+def test_person_blocked_by_the_robot_turns_round_after_a_while() -> None:
     people = crowd(1)
     walker = people._walkers[0]
     walker.x, walker.y, walker.path, walker.stay, walker.patience = (

@@ -284,7 +284,7 @@ def test_a_robot_that_drives_into_somebody_is_stopped_and_counts_one_contact() -
     assert sim.clearance() > 0.05
 
 
-def test_who_walks_into_a_standing_robot_waits_there_and_it_is_no_contact_of_the_robots() -> None:
+def test_person_who_walks_into_a_robot_at_rest_waits_and_is_no_contact() -> None:
     sim = giraff("2.0,1.0,0", people=1)
     somebody(sim, 2.5, path=True)
     for _ in range(500):

@@ -1,0 +1,65 @@
+"""How well the participants of a public dataset are hidden among each other.
+
+k-anonymity (Sweeney, "k-anonymity: a model for protecting privacy", 2002): each participant shares
+what an acquaintance may know of them with at least k − 1 others in the dataset.
+"""
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from experiments.dataset.records import Dataset
+from experiments.export.format import text_of
+from experiments.extraction.people import asks_for_sharing
+
+FEW = 5  # in a smaller group, a participant may be recognized
+
+
+def anonymity(dataset: Dataset, left_out: int) -> str:
+    """Return the README's part on a public dataset, in which `left_out` participants are not."""
+    people = _known_of(dataset)
+    names = list(next(iter(people.values()), {}))
+    sets = [names[:1], *([names[0], name] for name in names[1:]), names]
+    rows = [_row(people, some) for some in dict.fromkeys(map(tuple, sets)) if some]
+    others = f" {left_out} participants did not agree to be in it."
+    if not asks_for_sharing(dataset.study):
+        others = " The consent did not ask whether the data may be published."
+    return text_of("anonymity.md").format(few=FEW, left_out=others, rows="\n".join(rows))
+
+
+def _known_of(dataset: Dataset) -> Mapping[str, Mapping[str, str]]:
+    """Return what may be known of each participant: the range of their age, and what they chose
+    from lists in questions about the person, by column.
+    """
+    steps = [step for step in dataset.study.asking if step.is_about_person]
+    asked = {
+        (step.questionnaire, step.version): [
+            question.key
+            for one in dataset.questionnaires
+            if (one.slug, one.version) == (step.questionnaire, step.version)
+            for question in one.questions()
+            if question.labelled_values
+        ]
+        for step in steps
+    }
+    names = [f"{slug}.{key}" for (slug, _version), keys in asked.items() for key in keys]
+    found = {
+        one.id: {"age_band": one.age_band, **dict.fromkeys(names, "")}
+        for one in dataset.participants
+        if one.kind == "participant" and not one.withdrawn
+    }
+    for response in dataset.responses:
+        for key in asked.get((response.questionnaire, response.version), ()):
+            if response.participant in found:
+                value = response.values.get(key, "")
+                found[response.participant][f"{response.questionnaire}.{key}"] = str(value)
+    return found
+
+
+def _row(people: Mapping[str, Mapping[str, str]], names: Sequence[str]) -> str:
+    """Return the size of the smallest group of participants who are alike in these columns, and the
+    number of participants in groups of fewer than FEW.
+    """
+    sizes = Counter(tuple(one[name] for name in names) for one in people.values()).values()
+    few = sum(size for size in sizes if size < FEW)
+    alike = ", ".join(names) if len(names) <= 2 else "all of these"
+    return f"| {alike} | {min(sizes, default=0)} | {few} of {len(people)} |"

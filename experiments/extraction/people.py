@@ -1,0 +1,131 @@
+"""Participants and the pages that they went through, as rows of a dataset."""
+
+import math
+from bisect import bisect_right
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+from django.db.models import Q, QuerySet
+
+from experiments.dataset.levels import AGE_BANDS, AGE_LIMITS, TURNED_AWAY, WITHDREW
+from experiments.dataset.records import PageRecord, ParticipantRecord
+from experiments.definition.schema import StudyDefinition
+from experiments.extraction.selection import Selection
+from experiments.models import (
+    SCREENED_OUT,
+    ConsentReceipt,
+    Draw,
+    Drive,
+    StepResponse,
+    StepVisit,
+    Study,
+)
+from experiments.models import Participant as Row
+
+LEFT = {Row.Status.SCREENED_OUT: TURNED_AWAY, Row.Status.WITHDRAWN: WITHDREW}
+CONTINUES = frozenset({"", "completed", "timed_out"})  # outcomes after which the study goes on
+Round = tuple[object, int, int]  # participant, visit and round
+# the page showed the robot's video; before a drive is settled, also: the robot moved
+EXPOSED = Q(exposed_at__isnull=False) | Q(session__first_motion_at__isnull=False)
+
+
+def people_of(study: Study, choice: Selection) -> "QuerySet[Row]":
+    """Return the participants in a dataset; in a public one, where the consent asks for it, those
+    who agreed to publishing, and the anonymous rows of those who withdrew.
+    """
+    rows = Row.objects.filter(study=study).order_by("code")
+    if not (choice.public and asks_for_sharing(study.as_definition())):
+        return rows
+    agreed = ConsentReceipt.objects.filter(participant__study=study, sharing=True)
+    keys = list(agreed.values_list("participant_id", flat=True))
+    return rows.filter(Q(pk__in=keys) | Q(status=Row.Status.WITHDRAWN))
+
+
+def asks_for_sharing(study: StudyDefinition) -> bool:
+    return study.consent is not None and any(study.consent.sharing.values())
+
+
+def participants_of(
+    study: Study, drives: Iterable[Drive], choice: Selection
+) -> list[ParticipantRecord]:
+    """Return all participants, by code; those who withdrew have only the fields that are kept."""
+    visits = StepVisit.objects.filter(participant__study=study).order_by("began_at")
+    begun = dict(visits.values_list("participant_id", "step"))
+    outcomes = {drive.participant_id: drive.outcome or drive.session.outcome for drive in drives}
+    first_draws = Draw.objects.filter(study=study, nth=1)
+    first_cells = dict(first_draws.values_list("participant_id", "cell"))
+    rows = list(people_of(study, choice))
+    stages = stages_of(study, rows)
+    found = []
+    for row in rows:
+        withdrawn = row.status == Row.Status.WITHDRAWN
+        outcome = outcomes.get(row.pk, "") if row.status == Row.Status.ACTIVE else ""
+        age = None if withdrawn else row.age
+        participant = ParticipantRecord(
+            row.code,
+            kind=row.kind,
+            age=math.nan if age is None or choice.public else float(age),
+            age_band="" if age is None else tuple(AGE_BANDS)[bisect_right(AGE_LIMITS, age)],
+            cell=row.cell,
+            first_cell=first_cells.get(row.pk) or row.cell,
+            draws=row.draws_applied,
+            stage=stages[row.pk],
+            place=row.stage,
+            reached=row.withdrawn_step or row.step or begun.get(row.pk, ""),
+            left=LEFT.get(row.status, "" if outcome in CONTINUES else outcome),
+            finished=row.completion not in {"", SCREENED_OUT},
+            withdrawn=withdrawn,
+        )
+        found.append(participant)
+    return found
+
+
+def stages_of(study: Study, rows: Iterable[Row]) -> dict[Any, str]:
+    """Return the last stage that each participant reached (experiments.dataset.levels STAGES), by
+    key; for those who withdrew, the stage at that time.
+
+    `ended` needs a drive of the task that ended with an outcome, `answered` also a finished
+    response to the questionnaire of the study's table.
+    """
+    rows, definition = list(rows), study.as_definition()
+    own = Q(participant__in=[row.pk for row in rows])
+    seen = Drive.objects.filter(own & EXPOSED).exclude(step__in=definition.practice_keys)
+    exposed, ended = set(), set()
+    for who, *outcomes in seen.values_list("participant_id", "outcome", "session__outcome"):
+        exposed.add(who)
+        ended.update([who] if any(outcomes) else [])
+    responses = StepResponse.objects.filter(
+        own,
+        response__questionnaire__slug=definition.analysis.statements,
+        response__finished_at__isnull=False,
+    )
+    answered = set(responses.values_list("participant_id", flat=True))
+
+    def stage(row: Row) -> str:
+        if row.withdrawn_stage:
+            return str(row.withdrawn_stage)
+        if row.pk not in exposed:
+            return "assigned" if row.cell else "arrived"
+        if row.pk not in ended:
+            return "exposed"
+        return "answered" if row.pk in answered else "ended"
+
+    return {row.pk: stage(row) for row in rows}
+
+
+def pages_of(study: Study, sessions: Mapping[Round, str], choice: Selection) -> list[PageRecord]:
+    """Return the displayed pages in order; `sessions` has the code of each round's drive."""
+    visits = StepVisit.objects.filter(participant__in=people_of(study, choice))
+    rows = visits.exclude(participant__status=Row.Status.WITHDRAWN).select_related("participant")
+    definition = study.as_definition()
+    own = {step.key for step in definition.steps if step.repeat or step == definition.task}
+    found = []
+    for row in rows.order_by("participant__code", "began_at", "id"):
+        place = (row.participant_id, row.visit, row.round)
+        ended = row.finished_at
+        taken = math.nan if ended is None else round((ended - row.began_at).total_seconds(), 6)
+        session = sessions.get(place, "") if row.step in own else ""
+        found.append(
+            PageRecord(row.participant.code, row.step, session, taken, finished=ended is not None)
+        )
+    return found

@@ -1,0 +1,77 @@
+"""Uploaded pictures and videos of instructions, named by their content: "own-<hash>-png"."""
+
+import datetime
+import hashlib
+from collections.abc import Iterable
+from typing import Any
+
+from django.core.files.uploadedfile import UploadedFile
+from django.http import HttpRequest, HttpResponse
+from django.shortcuts import get_object_or_404
+from django.utils.translation import gettext as _
+from django.views.decorators.cache import cache_control
+from django.views.decorators.http import require_safe
+
+from experiments.definition.steps.instructions import OWN_MEDIA
+from experiments.models import InstructionMedia
+
+MB = 1024 * 1024
+MOST_PICTURE, MOST_VIDEO = 2 * MB, 8 * MB  # bytes
+# By the end of the name: media type, and offset and bytes of the signature.
+KINDS: dict[str, tuple[str, int, bytes]] = {
+    "png": ("image/png", 0, b"\x89PNG\r\n\x1a\n"),
+    "jpg": ("image/jpeg", 0, b"\xff\xd8\xff"),
+    "gif": ("image/gif", 0, b"GIF8"),
+    "webp": ("image/webp", 8, b"WEBP"),
+    "mp4": ("video/mp4", 4, b"ftyp"),
+    "webm": ("video/webm", 0, b"\x1a\x45\xdf\xa3"),
+}
+ACCEPTED = ",".join(media_type for media_type, _at, _signature in KINDS.values())
+YEAR = 365 * 24 * 3600
+
+
+class RefusedMediaError(ValueError):
+    """A file that cannot be used in instructions; the message is for the page."""
+
+
+def is_video(name: str) -> bool:
+    return name.endswith(("-mp4", "-webm"))
+
+
+def store(slug: str, file: UploadedFile, now: datetime.datetime) -> str:
+    """Store a file for the instructions of a study, and return its name.
+
+    Raises:
+        RefusedMediaError: it is too large, or of an unknown type.
+    """
+    size = file.size or 0
+    head = file.read(16)
+    kind = next((end for end, (_t, at, sign) in KINDS.items() if head[at:].startswith(sign)), "")
+    if not kind:
+        raise RefusedMediaError(_("Choose a PNG, JPEG, GIF, WebP, MP4 or WebM file."))
+    most = MOST_VIDEO if is_video(f"-{kind}") else MOST_PICTURE
+    if size > most:
+        words = _("The file has %(size).1f MB; at most %(most)g MB are allowed.")
+        raise RefusedMediaError(words % {"size": size / MB, "most": most / MB})
+    content = head + file.read()
+    name = f"{OWN_MEDIA}{hashlib.sha256(content).hexdigest()[:32]}-{kind}"
+    row = {"slug": slug, "title": (file.name or name)[:200], "content": content, "uploaded_at": now}
+    InstructionMedia.objects.get_or_create(name=name, defaults=row)
+    return name
+
+
+def titles(slug: str, used: Iterable[str]) -> dict[str, str]:
+    """Return file names by name: of a study's own media, and of `used` media of other studies."""
+    rows = InstructionMedia.objects.filter(slug=slug) | InstructionMedia.objects.filter(
+        name__in=[name for name in used if name.startswith(OWN_MEDIA)]
+    )
+    return dict(rows.values_list("name", "title"))
+
+
+@require_safe
+@cache_control(public=True, max_age=YEAR, immutable=True)
+def media(_request: HttpRequest, name: str) -> HttpResponse:
+    """Show a picture or a video; its name cannot be guessed, and its content never changes."""
+    row: Any = get_object_or_404(InstructionMedia, name=name)
+    kind = name.rpartition("-")[2]
+    return HttpResponse(bytes(row.content), content_type=KINDS[kind][0])

@@ -1,0 +1,53 @@
+"""The table of a study's participants by recruitment id, from which researchers pay them."""
+
+import datetime
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+from experiments.models import Participant, ParticipantKind, Study
+from experiments.recruitment.recognition import arrival_of
+
+HEAD = (
+    *("id", "submission", "participant", "version", "status", "outcome", "code"),
+    *("started", "finished", "minutes", "flags"),
+)
+
+
+def payment_rows(study: Study) -> Iterator[Sequence[Any]]:
+    """Yield the table of all versions, head first, of participants who may be paid."""
+    # with NumPy, which pages about other things need not load
+    from experiments.recruitment.quality import flag_cells  # noqa: PLC0415
+
+    yield HEAD
+    for version in Study.objects.filter(slug=study.slug).order_by("version"):
+        people = version.participants.filter(kind=ParticipantKind.PARTICIPANT)
+        rows = list(people.exclude(status=Participant.Status.WITHDRAWN).order_by("created_at"))
+        flags = flag_cells(version) if rows else {}
+        yield from (_row(one, version, flags.get(one.code, "")) for one in rows)
+
+
+def _row(one: Participant, study: Study, flags: str) -> Sequence[Any]:
+    return (
+        one.recruitment_id,
+        arrival_of(study, one.recruitment).session,
+        one.code,
+        study.version,
+        one.status,
+        one.completion,
+        one.completion_code,
+        _iso(one.created_at),
+        _iso(one.finished_at),
+        minutes_of(one),
+        flags,
+    )
+
+
+def minutes_of(one: Participant) -> float | None:
+    """Return the minutes between joining and the end; None without an end."""
+    if one.finished_at is None:
+        return None
+    return round((one.finished_at - one.created_at).total_seconds() / 60.0, 1)
+
+
+def _iso(at: datetime.datetime | None) -> str:
+    return "" if at is None else at.isoformat(timespec="seconds")

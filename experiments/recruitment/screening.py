@@ -1,0 +1,87 @@
+"""Who may take part in a study: by device and browser on arrival, by answers as soon as a
+questionnaire is finished.
+"""
+
+import datetime
+from collections.abc import Mapping
+from typing import Any
+
+from experiments.definition.recruitment.recruiting import AnswerQuota, admits, names_answer
+from experiments.definition.schema import StudyDefinition
+from experiments.models import Participant, ParticipantKind, StepResponse
+
+Status = Participant.Status
+
+
+def device_kind(device: Mapping[str, Any]) -> str:
+    """Return the kind of a device (sessions.devices.device_of): computer, tablet or phone. An iPad
+    whose browser asks for desktop pages says that it is a Mac and counts as a computer.
+    """
+    if "iPad" in device["user_agent"] or (device["os"] == "Android" and not device["mobile"]):
+        return "tablet"
+    return "phone" if device["mobile"] else "computer"
+
+
+def has_device(study: StudyDefinition, device: Mapping[str, Any]) -> bool:
+    browser = device["product"].rpartition(" ")[0]
+    fits = not study.devices or device_kind(device) in study.devices
+    return fits and (not study.browsers or browser in study.browsers)
+
+
+def is_screened_out(participant: Participant, questionnaire: str, now: datetime.datetime) -> bool:
+    """Tell whether a participant's answers to a finished questionnaire screen them out: by a rule,
+    or because a quota is full. Bots answer at random and are never screened out.
+    """
+    definition = participant.study.as_definition()
+    rules = [one for one in definition.screening if one.questionnaire == questionnaire]
+    quotas = [one for one in definition.answer_quotas if one.questionnaire == questionnaire]
+    if participant.kind == ParticipantKind.BOT or not (rules or quotas):
+        return False
+    own = StepResponse.objects.filter(
+        participant=participant,
+        response__questionnaire__slug=questionnaire,
+        response__finished_at__isnull=False,
+    )
+    asked = own.select_related("response").order_by("-response__finished_at").first()
+    if asked is None:
+        return False
+    values = {item: given.value for item, given in asked.response.given().items()}
+    if not all(admits(rule, values.get(rule.item)) for rule in rules):
+        return True
+    return any(
+        names_answer(quota.answers, values.get(quota.item))
+        and _earlier(participant, quota, asked, now) >= quota.most
+        for quota in quotas
+    )
+
+
+def _earlier(
+    participant: Participant, quota: AnswerQuota, own: StepResponse, now: datetime.datetime
+) -> int:
+    """Count the participants who gave such an answer before this one and hold a place: they have
+    finished, or were seen lately. The id breaks ties of the time, so that of two participants
+    exactly one is the later.
+    """
+    study, own_order = participant.study, (own.response.finished_at, str(own.response_id))
+    last_seen = now - datetime.timedelta(hours=study.as_definition().allocation.left_after_hours)
+    rows = StepResponse.objects.filter(
+        participant__study=study,
+        participant__kind=participant.kind,
+        participant__status__in=(Status.ACTIVE, Status.FINISHED),
+        response__questionnaire__slug=quota.questionnaire,
+        response__finished_at__isnull=False,
+        response__answers__item=quota.item,
+    ).exclude(participant=participant)
+    columns = (
+        *("participant_id", "participant__status", "participant__seen_at"),
+        *("response__finished_at", "response_id", "response__answers__value"),
+    )
+    holders = {
+        holder
+        for holder, status, seen, at, key, value in rows.values_list(*columns)
+        if (status == Status.FINISHED or seen >= last_seen)
+        and value is not None
+        and names_answer(quota.answers, value)
+        and (at, str(key)) < own_order
+    }
+    return len(holders)

@@ -1,0 +1,40 @@
+"""The versions of software that a record was made with."""
+
+import subprocess
+import tomllib
+from collections.abc import Mapping
+from functools import cache
+from typing import Any
+
+from django.conf import settings
+
+
+@cache
+def software_version() -> str:
+    """Return the version of the server, in a clone with the commit ("0.1.0+3f2a…"); empty without a
+    project file.
+    """
+    path = settings.BASE_DIR / "pyproject.toml"
+    if not path.is_file():
+        return ""
+    version = str(tomllib.loads(path.read_text(encoding="utf-8"))["project"]["version"])
+    try:
+        asked = ["git", "-C", str(settings.BASE_DIR), "rev-parse", "--short=12", "HEAD"]
+        found = subprocess.run(asked, capture_output=True, text=True, check=True, timeout=5.0)
+    except (OSError, subprocess.SubprocessError):
+        return version
+    return f"{version}+{found.stdout.strip()}"
+
+
+def versions_of(sheet: Mapping[str, Any], sha256: str) -> dict[str, str]:
+    """Return the versions at the start of a drive, by the robot's robots.api.messages.Factsheet and
+    the digest of the study's definition.
+    """
+    found = {
+        "server": software_version(),
+        "agent": sheet.get("agent_version", ""),
+        "adapter": sheet.get("adapter", ""),
+        "driver": sheet.get("driver", ""),
+        "definition": sha256,
+    }
+    return {name: version for name, version in found.items() if version}

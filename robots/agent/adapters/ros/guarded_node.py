@@ -1,0 +1,316 @@
+"""What the nodes of ROS 1 and ROS 2 share: the connection to the agent, and what their guards
+know of the robot.
+
+It runs in the Python of either ROS and so imports nothing of ours and is written for Python 3.6.
+"""
+
+import array
+import base64
+import collections
+import json
+import math
+import socket
+import sys
+import threading
+import time
+import traceback
+from typing import Any
+
+SILENCE = 0.3  # s without another velocity, after which a moving robot is stopped
+OLDEST = 0.25  # s after which a velocity that waited for this process is dropped
+HEARTBEAT = 0.5  # s without a line from the agent, after which the guard stops the robot
+CANCEL_AGAIN = 0.5  # s between two cancels
+MOST_CANCELS = 10  # of a docking that wait for an answer at a time
+STILL_FOR = 0.3  # s of measured standstill, after which the robot is at rest
+HEARING = 3.0  # s for a subscriber to be found by a message that waits for it
+BACKLOG = 500  # lines of readings that wait for the agent
+ANSWERED_WITHIN = 300.0  # s in which a service that docks may answer, and start the robot
+
+
+class Link:
+    """The connection to the agent. `say` never blocks, and drops readings that wait for long."""
+
+    def __init__(self, connection: Any) -> None:
+        self.connection = connection
+        self.lines: Any = collections.deque()
+        self.changed = threading.Condition()
+
+    def say(self, **message: Any) -> None:
+        line = (json.dumps(message) + "\n").encode()
+        with self.changed:
+            if message["op"] != "publish" or len(self.lines) < BACKLOG:
+                self.lines.append(line)
+                self.changed.notify_all()
+
+    def write(self) -> None:
+        while True:
+            with self.changed:
+                self.changed.wait_for(lambda: self.lines)
+                line = self.lines[0]
+            try:
+                self.connection.sendall(line)
+            except OSError:  # the agent is gone, which the reader notices
+                self.lines = collections.deque(maxlen=0)
+                return
+            with self.changed:
+                self.lines.popleft()
+                self.changed.notify_all()
+
+    def drain(self, seconds: float) -> None:
+        """Wait until all lines are written, at most so long."""
+        with self.changed:
+            self.changed.wait_for(lambda: not self.lines, timeout=seconds)
+
+
+class Standstill:
+    """Whether odometry proves that the robot is at rest.
+
+    A message counts once: one that is published again, with the stamp of the one before, measures
+    nothing. A stamp of zero is none.
+    """
+
+    def __init__(self) -> None:
+        self.linear, self.angular = 0.02, 0.05  # m/s and rad/s: no faster is at rest
+        self.measured_at = time.monotonic()
+        self.still_since = math.inf
+        self.stamp: Any = None
+
+    def measure(self, odometry: Any, now: float) -> None:
+        stamp = plain(odometry.header.stamp)
+        if any(stamp.values()) and stamp == self.stamp:
+            return
+        self.stamp, self.measured_at = stamp, now
+        twist = odometry.twist.twist
+        still = (
+            math.hypot(twist.linear.x, twist.linear.y) <= self.linear
+            and abs(twist.angular.z) <= self.angular
+        )
+        self.still_since = min(self.still_since, now) if still else math.inf
+
+    @property
+    def is_proved(self) -> bool:
+        return self.measured_at - self.still_since >= STILL_FOR
+
+
+class DockingCalls:
+    """Whether a docking or undocking may move the robot.
+
+    It may from the call of its service until the agent reports its end, the service refuses, or the
+    service that cancels it has answered. A cancel that was sent while the call had no answer proves
+    nothing: the robot may start after it.
+    """
+
+    def __init__(self) -> None:
+        self.services: Any = ()
+        self.cancel_service = ""
+        self.is_active = False
+        self.number = 0
+        self.lock = threading.Lock()  # each call and each cancel has a thread
+        self.unanswered: Any = {}  # when each call was made that has no answer, by its number
+
+    @property
+    def is_left(self) -> bool:
+        """Whether an earlier run may have left one, and this one has called none."""
+        return self.is_active and not self.number
+
+    def begin(self, services: Any, cancel_service: str) -> None:
+        """Take the services, and that an earlier run may have left a docking."""
+        self.services, self.cancel_service = services, cancel_service
+        self.is_active = bool(cancel_service)
+
+    def called(self, service: str) -> int:
+        """Take a call; return its number, 0 for one that docks nothing."""
+        if service not in self.services or not self.cancel_service:
+            return 0
+        with self.lock:
+            self.number += 1
+            self.unanswered[self.number] = time.monotonic()
+            self.is_active = True
+            return self.number
+
+    def answered(self, number: int, answer: Any) -> None:
+        """Take the answer of a call: `values`, or a `problem` that is `absent` without a server."""
+        refused = answer.get("absent") or answer.get("values", {}).get("success") is False
+        with self.lock:
+            self.unanswered.pop(number, None)
+            if number and number == self.number and refused:
+                self.is_active = False
+
+    def cancelling(self) -> int:
+        """Return what to give `cancelled` once the cancel that is sent now has its answer."""
+        oldest = time.monotonic() - ANSWERED_WITHIN
+        with self.lock:
+            return -1 if any(at > oldest for at in self.unanswered.values()) else self.number
+
+    def cancelled(self, number: int) -> None:
+        with self.lock:
+            if number == self.number:
+                self.is_active = False
+
+
+class MissingTypeError(Exception):
+    """The package of a type is not installed; the message is one sentence."""
+
+
+class GuardedNode:
+    """One connection to the agent; a subclass has a method `do_…` for each order."""
+
+    def __init__(self, connection: Any) -> None:
+        self.link = Link(connection)
+        self.say = self.link.say
+        self.standstill, self.docking = Standstill(), DockingCalls()
+        self.docking_cancelled_at = -math.inf
+        self.docking_cancels: Any = []  # threads that wait for the answers
+        self.publishers: Any = {}
+        self.beaten_at = time.monotonic()
+        # (topic of velocities, its subscribers) as reported last, and as they are
+        self.counted: Any = None
+
+    def start(self, *works: Any) -> None:
+        """Run each in a thread of its own, beside the one that writes to the agent."""
+        for work in (self.link.write, *works):
+            threading.Thread(target=work, daemon=True).start()
+
+    def obey_orders(self) -> None:
+        """Obey the agent until its connection ends."""
+        try:
+            for line in self.link.connection.makefile("r", encoding="utf-8"):
+                self.beaten_at = time.monotonic()
+                self.obey(json.loads(line))
+        except (OSError, ValueError):
+            pass  # as good as the end of what the agent sends
+
+    def obey(self, order: Any) -> None:
+        try:
+            getattr(self, "do_" + order.pop("op"))(**order)
+        except MissingTypeError as error:
+            self.say(op="lost", reason=str(error))
+        except Exception:  # one bad order must not end the guard
+            traceback.print_exc()
+
+    def attempt(self, work: Any) -> Any:
+        """Return what it returns, None when it fails."""
+        try:
+            return work()
+        except Exception:  # whatever fails, guarding continues
+            traceback.print_exc()
+            return None
+
+    def do_beat(self) -> None:
+        pass
+
+    def do_docking_ended(self) -> None:
+        self.docking.is_active = False
+
+    def do_call(self, number: int, service: str, kind: str, arguments: Any) -> None:
+        docking = self.docking.called(service)
+
+        def call() -> None:
+            try:
+                answer = self.answer_of(service, kind, arguments, docking=docking)
+            except Exception as error:  # the agent, and the docking, need an answer to every call
+                traceback.print_exc()
+                answer = {"problem": str(error) or type(error).__name__}
+            self.docking.answered(docking, answer)
+            self.say(op="response", number=number, **answer)
+
+        threading.Thread(target=call, daemon=True).start()
+
+    def answer_of(self, service: str, kind: str, arguments: Any, *, docking: int = 0) -> Any:
+        """Call a service and return its `values`, or a `problem` that is `absent` without a server;
+        one that docks, by its number, is called only for an agent that lives.
+        """
+        raise NotImplementedError
+
+    def cancel_docking(self) -> None:
+        """Call the service that cancels docking, again every CANCEL_AGAIN until that has ended.
+
+        An earlier cancel may still be answered, and so does not end when the next one is sent.
+        """
+        now = time.monotonic()
+        self.docking_cancels = [each for each in self.docking_cancels if each.is_alive()]
+        is_due = now - self.docking_cancelled_at > CANCEL_AGAIN
+        if self.docking.is_active and is_due and len(self.docking_cancels) < MOST_CANCELS:
+            self.docking_cancelled_at = now
+            cancel = threading.Thread(target=self.call_cancel_dock, daemon=True)
+            self.docking_cancels.append(cancel)
+            cancel.start()
+
+    def call_cancel_dock(self) -> None:
+        number = self.docking.cancelling()
+        answer = self.answer_of(self.docking.cancel_service, "std_srvs/Trigger", {})
+        if "values" in answer or "absent" in answer:
+            self.docking.cancelled(number)
+
+    def do_guard(self, **settings: Any) -> None:
+        self.standstill.linear, self.standstill.angular = settings["linear"], settings["angular"]
+        self.docking.begin(settings["docks"], settings["cancel_dock"])
+
+    def report_listeners(self, topic: str, count: int) -> None:
+        """Report how many nodes receive velocities, when that has changed."""
+        if (topic, count) != self.counted:
+            self.counted = topic, count
+            self.say(op="listeners", topic=topic, count=count)
+
+
+def connect() -> Any:
+    """Return the connection to the agent, whose port is the first argument and whose password is
+    the first line of standard input.
+    """
+    connection = socket.create_connection(("127.0.0.1", int(sys.argv[1])), timeout=5.0)
+    connection.settimeout(None)
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    connection.sendall(sys.stdin.readline().encode())
+    return connection
+
+
+def refuse(connection: Any, reason: str) -> int:
+    connection.sendall((json.dumps({"op": "lost", "reason": reason}) + "\n").encode())
+    return 1
+
+
+def plain(value: Any) -> Any:
+    """Return a message of either ROS as JSON has it: bytes as base64, numbers that JSON lacks as
+    None.
+    """
+    names = getattr(
+        value, "get_fields_and_field_types", lambda: getattr(value, "__slots__", None)
+    )()
+    if names is not None:
+        return {name: plain(getattr(value, name)) for name in names}
+    if isinstance(value, array.array) and value.typecode == "B":
+        value = value.tobytes()
+    if isinstance(value, (bytes, bytearray)):
+        return base64.b64encode(value).decode()
+    if hasattr(value, "tolist"):  # array.array and numpy.ndarray
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [plain(each) for each in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def filled(message: Any, content: Any, type_of: Any) -> Any:
+    """Return a message of either ROS with the fields that an object names; `type_of` returns the
+    class of a message by its type.
+    """
+    if hasattr(message, "get_fields_and_field_types"):
+        kinds = message.get_fields_and_field_types()
+    else:  # a time of ROS 1 has no types
+        kinds = dict(zip(message.__slots__, getattr(message, "_slot_types", ())))
+    for name, value in content.items():
+        now, kind = getattr(message, name), kinds.get(name, "")
+        if isinstance(value, dict):
+            filled(now, value, type_of)
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            made = type_of(kind.replace("sequence<", "").split(">")[0].split("[")[0])
+            setattr(message, name, [filled(made(), each, type_of) for each in value])
+        elif isinstance(value, list) and ("float" in kind or "double" in kind):
+            setattr(message, name, [float(each) for each in value])
+        elif isinstance(value, str) and not isinstance(now, str):
+            data = base64.b64decode(value)
+            setattr(message, name, data if isinstance(now, bytes) else list(data))
+        else:
+            setattr(message, name, float(value) if isinstance(now, float) else value)
+    return message

@@ -1,0 +1,30 @@
+/** What light pages share: the look-up of an element, and a request every few seconds. */
+
+/**
+ * The first element that matches. The template determines its kind.
+ * @param {string} selector
+ * @param {ParentNode} [root]
+ * @returns {any}
+ */
+export const find = (selector, root = document) => root.querySelector(selector);
+
+/**
+ * While the page is visible, call `refresh` `period` ms from now and after the end of each call,
+ * and at once when the page becomes visible.
+ * @param {() => Promise<unknown>} refresh
+ * @param {number} period ms
+ */
+export const pollWhileVisible = (refresh, period) => {
+  let timer = 0;
+  const run = async () => {
+    clearTimeout(timer);
+    if (document.hidden) {
+      return;
+    }
+    await refresh();
+    clearTimeout(timer);
+    timer = window.setTimeout(run, period);
+  };
+  document.addEventListener("visibilitychange", run);
+  timer = window.setTimeout(run, period);
+};

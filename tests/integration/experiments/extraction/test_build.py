@@ -1,0 +1,107 @@
+"""A study in the database becomes the dataset that was put in, by other names, and nothing that
+tells who somebody is.
+"""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.analysis.report import reports
+from experiments.dataset.columns import matrix_of
+from experiments.extraction.build import dataset_of
+from tests.support.analysis.study_dataset import made_up
+from tests.support.studies.study_rows import put
+
+pytestmark = pytest.mark.django_db
+
+
+@pytest.fixture
+def both():
+    """A dataset, and the one that is extracted from the database after storing it."""
+    made = made_up(np.random.default_rng(71), 12)
+    closed = {one.key: tuple(sorted(one.doors_closed)) for one in made.study.conditions}
+    made = replace(
+        made,
+        sessions=tuple(replace(one, doors_closed=closed[one.condition]) for one in made.sessions),
+    )
+    stored = put(made)
+    return made, stored, dataset_of(stored.study)
+
+
+def test_sessions_are_extracted_unchanged_but_for_their_names(both):
+    made, _, found = both
+    assert len(found.sessions) == len(made.sessions)
+    for before, after in zip(made.sessions, found.sessions, strict=True):
+        assert after.id not in {one.id for one in made.sessions}
+        for name in (
+            "participant",
+            "robot",
+            "number",
+            "condition",
+            "site",
+            "outcome",
+            "os",
+            "browser",
+            "operator",
+            "practice",
+            "doors_closed",
+        ):
+            assert getattr(after, name) == getattr(before, name), name
+        for name in ("first_frame", "first_motion", "ended"):
+            np.testing.assert_allclose(getattr(after, name), getattr(before, name), atol=2e-6)
+
+
+def test_states_and_network_are_extracted_unchanged_with_any_clocks(both):
+    made, _, found = both
+    for before, after in zip(made.sessions, found.sessions, strict=True):
+        states, expected, network = (
+            found.states(after.id),
+            made.states(before.id),
+            found.network(after.id),
+        )
+        for name in expected.dtype.names:
+            if name == "received":  # known for a chunk, not for each of its states
+                continue
+            counts = slice(None) if name != "age_max" else expected["commands"] > 0
+            np.testing.assert_allclose(states[name][counts], expected[name][counts], atol=2e-6)
+        np.testing.assert_allclose(
+            matrix_of(network), matrix_of(made.network(before.id)), atol=2e-6
+        )
+
+
+@pytest.mark.nightly
+def test_people_pages_answers_and_events_are_extracted_unchanged(both):
+    made, _, found = both
+    derived = {"left": "", "age": 0.0, "age_band": "", "first_cell": "", "stage": ""}
+    assert [replace(one, **derived) for one in found.participants] == [
+        replace(one, **derived) for one in made.participants
+    ]
+    assert {(one.participant, one.step, one.finished) for one in found.pages} == {
+        (one.participant, one.step, one.finished) for one in made.pages
+    }
+    codes = {
+        before.id: after.id for before, after in zip(made.sessions, found.sessions, strict=True)
+    } | {"": ""}
+    given = {
+        (one.questionnaire, one.participant, one.session): dict(one.values)
+        for one in found.responses
+    }
+    assert given == {
+        (one.questionnaire, one.participant, codes[one.session]): dict(one.values)
+        for one in made.responses
+    }
+    assert len(found.events) == len(made.events)
+    assert found.plans == made.plans
+
+
+@pytest.mark.nightly
+def test_tables_of_extracted_and_stored_dataset_are_the_same(both):
+    made, _, found = both
+    (before,), (after,) = reports(made), reports(found)
+    for first, second in zip(before.tables, after.tables, strict=True):
+        if first.name in {"table-1", "sessions", "segments", "flow", "reporting-sheet"}:
+            continue
+        assert [[cell.text for cell in row] for row in first.rows] == [
+            [cell.text for cell in row] for row in second.rows
+        ], first.name

@@ -1,0 +1,59 @@
+"""The quality of a record: each rule alone, at its bound and beyond."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from experiments.analysis.metrics.milestones import Milestones
+from experiments.analysis.metrics.sessions import Measured
+from experiments.analysis.tables.summaries import problems_of
+from experiments.dataset.records import SessionRecord
+from experiments.definition.schema import Quality
+
+RULES = Quality()
+GOOD = {"rate": 4.0, "longest_gap": 0.5, "clock_offset": 0.01}
+
+
+def measured(session=None, **changed):
+    session = session or SessionRecord("s", "a", "giraff", first_motion=3.0)
+    return Measured(session, Milestones(), GOOD | changed, (), np.empty((0, 2)))
+
+
+def test_a_good_record_is_good():
+    assert not problems_of(measured(), RULES)
+
+
+@pytest.mark.parametrize(
+    ("values", "word"),
+    [
+        ({"rate": 3.49}, "rate"),
+        ({"longest_gap": 2.01}, "gap"),
+        ({"clock_offset": 0.26}, "clock"),
+        ({"clock_offset": math.nan}, "clock_unknown"),
+        ({"rate": math.nan}, "no_states"),
+    ],
+)
+def test_each_rule_alone_fails_a_record(values, word):
+    assert [*problems_of(measured(**values), RULES)] == [word]
+
+
+@pytest.mark.parametrize("values", [{"rate": 3.5}, {"longest_gap": 2.0}, {"clock_offset": 0.25}])
+def test_a_record_at_a_bound_is_good(values):
+    assert not problems_of(measured(**values), RULES)
+
+
+def test_wrong_condition_and_operator_fail_a_record_where_the_study_says_so():
+    session = SessionRecord(
+        "s", "a", "giraff", first_motion=3.0, mismatch="assist off, not steer", operator=True
+    )
+    lenient = Quality(condition_applied=False, operator_absent=False)
+    assert [*problems_of(measured(session), RULES)] == ["condition", "operator"]
+    assert not problems_of(measured(session), lenient)
+
+
+def test_session_without_a_drive_may_lack_states():
+    session = replace(measured().session, first_motion=math.nan)
+    unknown = dict.fromkeys(("rate", "longest_gap", "clock_offset"), math.nan)
+    assert not problems_of(measured(session, **unknown), RULES)
