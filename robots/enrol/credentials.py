@@ -23,7 +23,6 @@ import bcrypt
 from django.utils import timezone
 from django.utils.crypto import salted_hmac
 
-from accounts.tokens import hash_of
 from robots.api.credentials_file import toml
 from robots.api.private_files import write_private
 from robots.models import Robot, RobotCredentials

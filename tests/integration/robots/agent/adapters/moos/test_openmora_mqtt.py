@@ -144,9 +144,7 @@ async def test_a_broker_that_does_not_let_it_command_the_robot_gives_a_sentence(
         password = rig.tokens["other"]
         adapter = registry.create("openmora_mqtt", "giraff", options | {"password": password})
         async with asyncio.timeout(patient(10.0)):
-            with pytest.raises(
-                AdapterError, match="does not allow this robot to read"
-            ):
+            with pytest.raises(AdapterError, match="does not allow this robot to read"):
                 await adapter.connect()
         await adapter.close()
     finally:
