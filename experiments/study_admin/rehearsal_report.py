@@ -68,12 +68,12 @@ def _running(progress: dict[str, int], host: str) -> str:
     if not progress:
         return _("Preparing a copy of the site on %(host)s.") % {"host": host}
     text = _(
-        "Running on %(host)s: %(conditions)d of %(of_conditions)d conditions driven, "
-        "%(bots)d of %(of_bots)d bots finished."
+        "Running on %(host)s: %(drives)d drives have ended, in %(conditions)d of %(of_conditions)d "
+        "conditions; %(bots)d of %(of_bots)d bots have finished."
     )
     if progress["bots"] >= progress["of_bots"]:
         text = _("All %(of_bots)d bots have finished. Evaluating their data on %(host)s.")
-    return text % {"host": host, **progress}
+    return text % {"host": host, "drives": 0, **progress}
 
 
 def issues_of(row: Rehearsal) -> tuple[Groups, Groups]:

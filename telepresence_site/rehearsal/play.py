@@ -11,8 +11,10 @@ import json
 import os
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from itertools import cycle, zip_longest
 from pathlib import Path
@@ -20,6 +22,7 @@ from typing import Any
 
 import msgspec
 from django.conf import settings
+from django.db import connection
 from django.utils import timezone
 
 from experiments.bots.crowd import BotGroup, Plan
@@ -43,6 +46,7 @@ from telepresence_site.rehearsal import sandbox
 
 ORDERS, PROGRESS, FINDINGS, PACE = "orders.json", "progress.json", "findings.json", "pace"
 SETTLE_SECONDS = 120.0
+PROGRESS_SECONDS = 2.0
 END_SECONDS = 2 * STOP_SECONDS
 
 
@@ -162,17 +166,14 @@ def _perform(
     wrong = obstacles_here(definition)
     if wrong:
         return [], RehearsalReport(0, problems=[str(problem) for problem in wrong])
-    _note_progress(study, 0, orders)
     done: list[Diary] = []
 
     def heard(diary: Diary) -> None:
         told(line_of(diary))
         done.append(diary)
-        # the loop does not wait for a database
-        loop = asyncio.get_running_loop()
-        loop.run_in_executor(None, _note_progress, study, len(done), orders)
 
-    diaries = asyncio.run(crowd_of(study, orders, site, heard, pace).run())
+    with _noted_progress(study, orders, done):
+        diaries = asyncio.run(crowd_of(study, orders, site, heard, pace).run())
     _settle(study)
     pace.set(1.0)
     if orders.dataset:
@@ -180,17 +181,39 @@ def _perform(
     return diaries, judge(definition, diaries, findings.findings(study))
 
 
-def _note_progress(study: Study, bots: int, orders: Orders) -> None:
-    """Leave beside the orders how far the play is: conditions driven so far, bots that are done."""
-    practice = study.as_definition().practice_keys
-    drives = Drive.objects.filter(participant__study=study).exclude(step__in=practice)
+@contextmanager
+def _noted_progress(study: Study, orders: Orders, done: Sequence[Diary]) -> Iterator[None]:
+    """Inside, write to a file beside the orders how far the play is, every PROGRESS_SECONDS."""
+    ended = threading.Event()
+
+    def keep_noting() -> None:
+        while not ended.wait(PROGRESS_SECONDS):
+            _note_progress(study, orders, len(done))
+        connection.close()
+
+    _note_progress(study, orders, 0)
+    thread = threading.Thread(target=keep_noting, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        _note_progress(study, orders, len(done))
+
+
+def _note_progress(study: Study, orders: Orders, bots: int) -> None:
+    definition = study.as_definition()
+    drives = Drive.objects.filter(participant__study=study).exclude(outcome="")
+    drives = drives.exclude(step__in=definition.practice_keys)
     progress = {
+        "drives": drives.count(),
         "conditions": drives.order_by().values("condition").distinct().count(),
-        "of_conditions": len(study.as_definition().conditions),
+        "of_conditions": len(definition.conditions),
         "bots": bots,
         "of_bots": len(orders.endings),
     }
-    new = settings.VAR_DIR / f"{PROGRESS}.{bots}"
+    new = settings.VAR_DIR / f"{PROGRESS}.new"
     new.write_text(json.dumps(progress), encoding="utf-8")
     new.replace(settings.VAR_DIR / PROGRESS)
 

@@ -27,6 +27,7 @@ class RosRobot:
         self.goal, self._told, self._fixed = None, "", 0.0
         self.cancelled = None
         self.located, self.stamps = [], []
+        self._measured = False  # odometry was published since the restart
 
     TOPICS = {
         "/odom": "nav_msgs/Odometry",
@@ -91,7 +92,10 @@ class RosRobot:
     def says(self, count):
         """What is due in this tick of 20 ms."""
         sim = self.world.sim
-        said = [("/odom", self.odometry(sim))] if count % 2 == 0 else []
+        said = []
+        if count % 2 == 0:
+            said.append(("/odom", self.odometry(sim)))
+            self._measured = True
         if count % 5 == 1:
             said.append(("/scan", self.scan(sim)))
         if count % 10 == 2:
@@ -105,14 +109,15 @@ class RosRobot:
                     {"header": self.header("camera"), "format": "jpeg", "data": GREY},
                 )
             )
-        # as amcl: only while it moves
-        if self.world.sim.distance - self._fixed > 0.2 or self._fixed == 0.0:
-            self._fixed = max(self.world.sim.distance, 1e-6)
+        # As amcl: only while it moves, and after the odometry with which it is put together.
+        is_due = sim.distance - self._fixed > 0.2 or self._fixed == 0.0
+        if count % 2 and self._measured and is_due:
+            self._fixed = max(sim.distance, 1e-6)
             said.append(("/amcl_pose", self.fix()))
         return said
 
     def restarted(self):
-        self._fixed = 0.0
+        self._fixed, self._measured = 0.0, False
         self.goal = self.cancelled = None
 
     def odometry(self, sim):

@@ -65,7 +65,7 @@ def test_a_rehearsal_outlives_the_web_server_and_says_when_it_was_killed(site, s
     site.stop("web")
     site.start_web()
     expect(state).to_contain_text(
-        "0 of 1 conditions driven, 0 of 6 bots finished", timeout=patient(60) * 1000
+        "in 0 of 1 conditions; 0 of 6 bots have finished", timeout=patient(60) * 1000
     )
     started = workers(site)
     (rehearsal,) = (one for one in started if "rehearse_study" in one.cmdline())

@@ -99,10 +99,10 @@ def test_a_viewer_follows_a_rehearsal_and_neither_starts_nor_ends_one(client, st
 def test_the_page_shows_the_progress_of_a_rehearsal(client, owner, study):
     row = running(study)
     assert "Preparing a copy of the site on lab." in page_text(client, row)
-    progress = {"conditions": 1, "of_conditions": 2, "bots": 3, "of_bots": 8}
+    progress = {"drives": 5, "conditions": 1, "of_conditions": 2, "bots": 3, "of_bots": 8}
     runs.sign(row.pk, timezone.now(), progress=progress)
     told = client.get(at("rehearsal_state", row)).json()
-    said = "Running on lab: 1 of 2 conditions driven, 3 of 8 bots finished."
+    said = "Running on lab: 5 drives have ended, in 1 of 2 conditions; 3 of 8 bots have finished."
     assert told == {"text": said, "live": True, "progress": progress}
     assert said in page_text(client, row)
     runs.sign(row.pk, timezone.now(), progress={**progress, "bots": 8})
