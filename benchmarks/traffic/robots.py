@@ -135,9 +135,7 @@ class LightRobot:
         will = PublishPacket(
             topics.of(self.name, "connection"), self._presence("CONNECTIONBROKEN"), 1, retain=True
         )
-        filters = [
-            (topic, 0 if len(nodes) > 1 else qos) for topic, qos in topics.subscriptions(self.name)
-        ]
+        filters = [(each, 0) for each in topics.subscriptions(self.name)]
         said = hello(f"{self.name}-{secrets.token_hex(8)}", self.name, self._token, will)
         while True:
             self._over.clear()

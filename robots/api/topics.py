@@ -170,12 +170,13 @@ def parse(topic: str) -> tuple[str, str] | None:
     return (robot, suffix) if suffix and ROBOT_NAME.match(robot) else None
 
 
-def subscriptions(robot: str) -> tuple[tuple[str, int], ...]:
-    """Return the (filter, QoS) pairs that an agent subscribes to: its own inputs, and its presence
-    (see Connection).
+def subscriptions(robot: str) -> tuple[str, ...]:
+    """Return the filters of an agent's subscriptions, at QoS 0: its inputs, and its presence (see
+    Connection). Nothing else arrives over one connection, and NATS loses messages at QoS 1 while
+    others subscribe on a busy computer.
     """
-    inputs = tuple((of(robot, t.suffix), t.qos) for t in TABLE if t.direction == "to_robot")
-    return (*inputs, (of(robot, "connection"), 1))
+    inputs = (of(robot, line.suffix) for line in TABLE if line.direction == "to_robot")
+    return (*inputs, of(robot, "connection"))
 
 
 def robot_permissions(robot: str) -> dict[str, tuple[str, ...]]:
@@ -184,7 +185,7 @@ def robot_permissions(robot: str) -> dict[str, tuple[str, ...]]:
     """
     return {
         "write": tuple(of(robot, t.suffix) for t in TABLE if t.direction == "from_robot"),
-        "read": tuple(topic for topic, _ in subscriptions(robot)),
+        "read": subscriptions(robot),
     }
 
 

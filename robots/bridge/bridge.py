@@ -66,9 +66,6 @@ LISTENED = (
     "lease",
     "signal/+/reply",
 )
-# The session manager records states at QoS 1. Here QoS 0 is enough: the next state follows within
-# 0.25 s, and an acknowledgement takes nearly as much CPU as a message.
-AT_QOS_0 = frozenset({"state"})
 STOP_SECONDS, STOP_AGAIN_SECONDS = 3.0, 0.1
 MAX_IN_FLIGHT = 500
 WATCH_SECONDS = 0.2
@@ -194,9 +191,9 @@ class Bridge:
             self._client, self._writer = client, writer_of(client)
             try:
                 wanted = [
-                    (topics.session_notices("+"), self._failover.qos(1)),
+                    (topics.session_notices("+"), 0),
                     (topics.MANAGER_STATUS, 0),
-                    *(pair for robot in self._delivery.robots for pair in self._filters(robot)),
+                    *(each for robot in self._delivery.robots for each in _filters(robot)),
                 ]
                 broker_address.check_subscribed(await client.subscribe(wanted))
                 self._arrive()
@@ -261,7 +258,7 @@ class Bridge:
         """Subscribe to a robot; retry while a cluster refuses after the loss of a node."""
         while client is self._client and robot in self._delivery.robots:
             try:
-                broker_address.check_subscribed(await client.subscribe(self._filters(robot)))
+                broker_address.check_subscribed(await client.subscribe(_filters(robot)))
             except aiomqtt.MqttError as error:
                 log.warning("subscription_refused", robot=robot, reason=str(error))
                 await asyncio.sleep(SUBSCRIBE_AGAIN_SECONDS)
@@ -286,12 +283,9 @@ class Bridge:
         if self._client is not None:
             self._launch(
                 functools.partial(
-                    self._client.unsubscribe, [filter_ for filter_, _ in self._filters(robot)]
+                    self._client.unsubscribe, [filter_ for filter_, _ in _filters(robot)]
                 )
             )
-
-    def _filters(self, robot: str) -> list[tuple[str, int]]:
-        return [(filter_, self._failover.qos(qos)) for filter_, qos in _filters(robot)]
 
     # --- publishing -------------------------------------------------------------------------------
 
@@ -424,13 +418,8 @@ class Bridge:
         self._send_reports()
 
 
-def _filters(robot: str) -> tuple[tuple[str, int], ...]:
-    lines = ((suffix, topics.find(suffix.replace("+", "x"))) for suffix in LISTENED)
-    return tuple(
-        (topics.of(robot, suffix), 0 if suffix in AT_QOS_0 else line.qos)
-        for suffix, line in lines
-        if line is not None
-    )
+def _filters(robot: str) -> list[tuple[str, int]]:
+    return [(topics.of(robot, suffix), 0) for suffix in LISTENED]  # see topics.subscriptions
 
 
 # --- the one of this process ----------------------------------------------------------------------

@@ -54,14 +54,6 @@ class Failover:
         """The keepalive of MQTT, in seconds."""
         return KEEPALIVE_OF_NODES_SECONDS if self.has_nodes else KEEPALIVE_SECONDS
 
-    def qos(self, wanted: int) -> int:
-        """Return the QoS of subscriptions whose messages may be lost with a connection.
-
-        A cluster creates a replicated queue for each subscription at QoS 1, which delays page and
-        robot; over one TCP connection, QoS 1 only adds acknowledgements.
-        """
-        return 0 if self.has_nodes else wanted
-
     def client(
         self,
         credentials: tuple[str, str],

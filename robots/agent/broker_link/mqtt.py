@@ -254,13 +254,7 @@ class MqttLink:
         )
 
     async def _greet(self, client: Client) -> None:
-        # The session ends with the connection, over which QoS 1 adds nothing but acknowledgements;
-        # a cluster makes a replicated queue of each subscription at QoS 1, which takes seconds.
-        wanted = [
-            (topic, 0 if self._has_nodes else qos)
-            for topic, qos in topics.subscriptions(self._factsheet.name)
-        ]
-        await subscribe(client, wanted)
+        await subscribe(client, [(each, 0) for each in topics.subscriptions(self._factsheet.name)])
         await client.publish(
             self._topic("factsheet"), codec.encode(self._factsheet), qos=1, retain=True
         )
